@@ -4,8 +4,8 @@ Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that orde
 """
 
 from dataclasses import dataclass
-from enum import IntFlag, StrEnum
-from typing import Final, NamedTuple, Protocol, runtime_checkable
+from enum import IntEnum, IntFlag, StrEnum, unique
+from typing import Final, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class CameraClosed(HardwareError):
 
 
 class DriveStatus(IntFlag):
-    """What the drives say of themselves; also whether plant time stands still."""
+    """What the drives say of themselves; also whether plant time stands still. Higher bits: see ``status_of``."""
 
     OK = 0
     ENABLED = 1
@@ -73,6 +73,54 @@ class DriveStatus(IntFlag):
     """Plant time did not advance at this exchange (pace fast: all is at rest and nobody waits for time)."""
     OVERSPEED = 64
     """A servomotor exceeded its speed limit; the drives braked."""
+
+
+@unique
+class DriveTrouble(IntEnum):
+    """What can be wrong with a drive; its number goes with the status word, see ``status_of``."""
+
+    words: str
+    """After the device's name."""
+    remedy: str
+    """What a person can do."""
+
+    def __new__(cls, number: int, words: str, remedy: str) -> Self:
+        """A number with its words."""
+        one = int.__new__(cls, number)
+        one._value_, one.words, one.remedy = number, words, remedy
+        return one
+
+    UNSPECIFIED = 0, "reports a fault", "read its display"
+    NO_REPLY = 1, "does not answer", "see its cable and power"
+    WRONG_REPLY = 2, "answers what cannot be read", "see its cable and what runs beside it"
+    FAULT_CODE = 3, "has switched itself off with a fault of its own", "look its code up in its manual"
+    TOO_HOT = 4, "is too hot", "let it cool, and see what made it work so hard"
+    UNDER_VOLTAGE = 5, "has too little voltage", "see its power supply"
+    ENCODER_JUMPED = 6, "has an encoder that jumped", "see the encoder's cable and magnet"
+    TORQUE_NOT_FOLLOWED = 7, "does not give the torque it was asked for", "see the motor's phases and its limits"
+    WATCHDOG_BIT = 8, "heard nothing for too long, and braked", "see what held this computer up"
+    NOT_OPERATIONAL = 9, "has left its operating state", "see its own diagnosis"
+    FRAMES_LOST = 10, "loses frames", "see its cable and plugs"
+    LATE_CYCLE = 11, "was served too late", "keep a core free for the controller"
+    WATCHDOG_DEAD = 12, "goes on without commands: its watchdog does not bite", "set its time-out again"
+    NOT_FINITE = 13, "was given a command that is no number", "report this as a defect"
+    OVER_VOLTAGE = 14, "has too much voltage", "see its supply and what takes the energy of braking"
+    OUT_OF_STEP = 15, "is out of step with the bus's clock", "see the distributed clocks of its neighbours"
+
+
+_TROUBLES: Final = {int(trouble): trouble for trouble in DriveTrouble}
+_DEVICE_AT, _TROUBLE_AT = 8, 11
+"""Bits of the status word from which the number of a device, and of what is wrong with it, are counted."""
+
+
+def status_of(device: int, trouble: DriveTrouble) -> DriveStatus:
+    """A fault of a device: 0 the bus, 1 to 3 servomotors, 4 the gripper, 5 the sensors; fits into 16 bits."""
+    return DriveStatus(DriveStatus.FAULT | device << _DEVICE_AT | trouble << _TROUBLE_AT)
+
+
+def fault_of(status: int) -> tuple[int, DriveTrouble]:
+    """Which device a status word tells a fault of, and what is wrong with it."""
+    return status >> _DEVICE_AT & 7, _TROUBLES[status >> _TROUBLE_AT & 31]
 
 
 class Command(NamedTuple):

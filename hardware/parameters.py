@@ -7,9 +7,10 @@ from; a lab's own file has the same form.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple, get_args
 
 from pydantic import (
     BaseModel,
@@ -68,6 +69,38 @@ class Friction(_Parameters):
 
     viscous: NonNegativeFloat
     coulomb: NonNegativeFloat
+
+
+_Three = Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], Field(strict=False)]
+_ThreeOrNone = Annotated[tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat], Field(strict=False)]
+
+
+class Arms(_Parameters):
+    """What differs from arm to arm, arms 1 to 3 in this order, as ``touchmove identify`` finds it.
+
+    It counts for more than what ``[inertia]`` and ``[friction]`` say of all three alike.
+    """
+
+    hinge_inertia: _Three
+    """Of proximal link and rotor about the servomotor's axis [kg m²]."""
+    proximal_moment: _Three
+    """Mass of the proximal link times the distance of its centre from that axis [kg m]."""
+    distal_pair_mass: _Three
+    """Of the uniform rods that would move alike [kg]."""
+    viscous: _ThreeOrNone
+    """Friction of the servomotor's shaft [N m s/rad] …"""
+    coulomb: _ThreeOrNone
+    """… and its dry part [N m]."""
+
+
+class OneArm(NamedTuple):
+    """One arm: the fields of ``Arms``."""
+
+    hinge_inertia: float
+    proximal_moment: float
+    distal_pair_mass: float
+    viscous: float
+    coulomb: float
 
 
 class Drive(_Parameters):
@@ -159,6 +192,32 @@ class RobotParameters(_Parameters):
     tactile: Tactile
     marker: Marker | None = None
     """None: the tool bears none, and no camera can be calibrated."""
+    arms: Arms | None = None
+    """None: all three are alike, and their proximal links uniform bars."""
+
+    @model_validator(mode="after")
+    def _heavier_than_rotors(self) -> RobotParameters:
+        rotor = self.inertia.rotor_inertia
+        if self.arms is not None and min(self.arms.hinge_inertia) <= rotor:
+            least = min(self.arms.hinge_inertia)
+            raise ValueError(f"arms.hinge_inertia {least} kg m² must exceed inertia.rotor_inertia {rotor} kg m²")
+        return self
+
+    def arm(self, number: int) -> OneArm:
+        """Arm 0, 1 or 2 as the dynamics know it."""
+        if self.arms is not None:
+            one = self.arms
+            return OneArm(*(getattr(one, name)[number] for name in OneArm._fields))
+        inertia, length, friction = self.inertia, self.geometry.proximal_length, self.friction
+        return OneArm(
+            inertia.proximal_mass * length**2 / 3.0 + inertia.rotor_inertia, inertia.proximal_mass * length / 2.0,
+            inertia.distal_pair_mass, friction.viscous, friction.coulomb,
+        )  # fmt: skip
+
+    def with_arms(self, arms: Sequence[OneArm]) -> RobotParameters:
+        """The same robot with these three arms."""
+        columns = {name: tuple(getattr(arm, name) for arm in arms) for name in OneArm._fields}
+        return self.model_copy(update={"arms": Arms(**columns)})
 
 
 @cache
@@ -197,6 +256,5 @@ def _explain(problem: ValidationError) -> str:
 
 def _table(model: type[BaseModel], name: str) -> type[BaseModel]:
     table = model.model_fields[name].annotation
-    assert isinstance(table, type)
-    assert issubclass(table, BaseModel)
-    return table
+    kinds = [kind for kind in (table, *get_args(table)) if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    return kinds[0]

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import FELT_HEIGHT, PIECE_PROFILES, PIECE_SHAPES, Kind, piece_profile
+from hardware.piece_set import FELT_HEIGHT, PIECE_PROFILES, PIECE_SHAPES, Kind, piece_profile
 
 SEGMENTS = 20
 COARSE_SEGMENTS: Final = 10

@@ -28,12 +28,13 @@ ALLOWED = {
         "controller",
         "hardware.interfaces",
         "hardware.parameters",
+        "hardware.piece_set",
         "hardware.table",
         "hardware.realtime",  # what a punctual process asks of its PC: the simulated world asks for the same
     ),
     "engine": ("engine",),
     "hardware": ("hardware",),
-    "vision": ("vision", "hardware.interfaces", "hardware.table"),
+    "vision": ("vision", "hardware.interfaces", "hardware.piece_set", "hardware.table"),
 }
 """The arrows: a room and the modules, with all below them, that it may import."""
 
@@ -45,10 +46,10 @@ FLOORS = {
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
-        "sim", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces",
-        "realtime",
+        "sim", "drives", "camera", "turned_shapes", "table", "piece_set", "contact_speeds", "referee", "parameters",
+        "frozen", "interfaces", "realtime",
     ),
-    "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
+    "hardware.sim": ("emulated", "process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip
 """What lies in a room, from the top floor down: each may import what stands after it, and nothing before it."""
 
@@ -307,6 +308,7 @@ LOAD_LATE = {
     "app.play": "opens devices, films and looks, where it does",
     "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
     "app.rig.simulation.processes": "each process loads only what it needs",
+    "hardware.sim.emulated.ethercat.process": "makes a network, which takes a process of one thread: before numpy",
     "app.rig.simulation.sim": "the robot's model takes half a second to load, in which the processes start",
 }
 """The only packages and modules that import inside functions, and what is loaded late there."""

@@ -91,6 +91,37 @@ def calibrate(
     show_report(lambda: run_calibrate(rig, out, say), as_json)
 
 
+def identify(
+    rig: _Rig = "sim",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Parameters file to write; identified.toml beside the rig file or in games/, if left out."),
+    ] = None,
+    pole_pairs: Annotated[
+        int, typer.Option(min=0, max=64, help="Of the servomotors, for their ripple; 0: it is not looked for.")
+    ] = 5,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> None:
+    """Find what the robot weighs and how it rubs: the arm swings over the board for 24 s. Keep hands away."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    from app.commissioning.identification.survey import Meter
+    from app.commissioning.identify import IdentifyReport, run_identify
+
+    def find() -> IdentifyReport:
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s"))
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task("swinging", total=None, visible=False)
+
+            def tell(done: float, whole: float) -> None:
+                bar.update(task, completed=done, total=whole, visible=True)
+
+            return run_identify(rig, out, pole_pairs, say, Meter(tell))
+
+    show_report(find, as_json)
+
+
 def link_test(
     rig: _Rig = "sim",
     duration: Annotated[float, typer.Option(min=2.0, max=86400.0, help="How long to measure [s].")] = 10.0,

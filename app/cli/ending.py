@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+Handler = Callable[[int, FrameType | None], Any] | int | None
+"""Of a signal, as Python's module has them."""
 
 
 class Shown(Protocol):
@@ -49,10 +54,32 @@ def interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def take_interrupts() -> dict[int, Handler]:
+    """Ctrl-C and SIGTERM raise ``KeyboardInterrupt`` from now on, wherever they meet the program; what did before.
+
+    SIGINT too: a shell's background job starts with it ignored.
+    """
+    sys.unraisablehook = _repeat_swallowed
+    return {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+
+
+def _repeat_swallowed(what: sys.UnraisableHookArgs) -> None:
+    """An interrupt that met a destructor, where exceptions end unheard, comes again as soon as that is over.
+
+    While Numba loads what it has compiled, destructors are a good part of the time.
+    """
+    if what.exc_type is KeyboardInterrupt:
+        again = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(what)
+
+
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
     """Ctrl-C and SIGTERM end what runs within in good order, then the program with status 130."""
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = take_interrupts()
     try:
         yield
     except KeyboardInterrupt:

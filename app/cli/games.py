@@ -6,27 +6,17 @@ Most parameters of these commands are read through their context: each sets the 
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-import threading
-import webbrowser
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
-from app.cli.ending import fail, interrupt, say
+from app.cli.audience import page_of_command, show_game
+from app.cli.ending import fail
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from app.page.news import Program
-    from app.page.starting import StartedPage
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.tree import Settings
@@ -79,9 +69,9 @@ def demo(
     as_json: options.AsJson = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
-    page_ahead = _page_ahead(context)
+    page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config)
-    _show_game("demo", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("demo", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def play(
@@ -117,7 +107,7 @@ def play(
     if color not in (None, "white", "black"):
         fail(f"--color is '{color}', choose white or black")
 
-    page_ahead = _page_ahead(context)
+    page_ahead = page_of_command(context)
     from app.settings.tree import PlayerKind
 
     also: dict[str, object] = {"rig.video": False}
@@ -127,7 +117,7 @@ def play(
     other = "black" if color == "white" else "white"
     also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    _show_game("play", _games_of(settings), settings, page_ahead, as_json=as_json, awaited=page is True)
+    show_game("play", _games_of(settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 
 def replay(
@@ -153,9 +143,9 @@ def replay(
     as_json: options.AsJson = False,
 ) -> None:
     """The arm plays recorded games again, and says of every ply whether the board came out right."""
-    page_ahead = _page_ahead(context)
+    page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    _show_game("replay", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("replay", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def setup(
@@ -178,7 +168,7 @@ def setup(
     as_json: options.AsJson = False,
 ) -> None:
     """The arm sets a position up, with the pieces on the board and beside it."""
-    page_ahead = _page_ahead(context)
+    page_ahead = page_of_command(context)
     import chess
 
     position = {
@@ -187,7 +177,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    _show_game("setup", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("setup", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def resume(
@@ -201,7 +191,7 @@ def resume(
     as_json: options.AsJson = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
-    page_ahead = _page_ahead(context)
+    page_ahead = page_of_command(context)
     from app import UserError
     from app.play.launch import resume_from_board, resume_games
     from app.play.match import match_of
@@ -213,7 +203,7 @@ def resume(
         settings = kept_settings(match_of(folder)).with_changes({"page.on": page})
     except UserError as error:
         fail(str(error))
-    _show_game(
+    show_game(
         "resume", lambda ui, lines: go_on(folder, ui, lines), settings, page_ahead, headless=headless, as_json=as_json,
         awaited=page is True,
     )  # fmt: skip
@@ -228,20 +218,6 @@ def show_config(
     print(as_toml(options.settings_or_end({}, file)), end="")
 
 
-def _page_ahead(context: typer.Context) -> StartedPage | None:
-    """The page's process, started first of all, where the options do not say that nobody wants it.
-
-    It loads while this one does, and serves once the settings are known; it ends with the command in any case.
-    """
-    if context.params.get("headless") or context.params.get("page") is False:
-        return None
-    from app.page.starting import StartedPage
-
-    started = StartedPage()
-    context.call_on_close(started.cancel)
-    return started
-
-
 def _games_of(settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
     """Plays as the settings say; what plays is loaded only then, since the page begins meanwhile."""
 
@@ -251,132 +227,3 @@ def _games_of(settings: Settings) -> Callable[[UserInterface, Lines], SessionRes
         return run_games(settings, ui, lines)
 
     return play
-
-
-def _show_game(
-    program: Program, play: Callable[[UserInterface, Lines], SessionResult], settings: Settings,
-    page_ahead: StartedPage | None, *, headless: bool = False, as_json: bool, awaited: bool = False,
-) -> NoReturn:  # fmt: skip
-    """Play a game before everybody who watches; ends the program.
-
-    Args:
-        program: that plays.
-        play: given a user interface, and what is said at the terminal and on the page.
-        settings: of the game.
-        page_ahead: the page's process, which waits for them; None: nobody wants a page.
-        headless: nothing is shown.
-        as_json: the report is printed.
-        awaited: a person may come by the page alone.
-    """
-    from rich.console import Console
-    from rich.text import Text
-
-    from app import UserError
-    from engine.errors import EngineProblem
-
-    console = Console(stderr=True)
-    for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
-        signal.signal(number, interrupt)
-    with ExitStack() as stack:
-        audience = stack.enter_context(
-            _audience(program, settings, console, page_ahead, headless=headless, awaited=awaited)
-        )
-        try:
-            result = play(audience.ui, audience.lines)
-        except (UserError, EngineProblem) as error:
-            audience.end(str(error))
-            fail(str(error))
-        except KeyboardInterrupt as stop:
-            from app.play.session import Interrupted
-
-            more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
-            audience.end(f"the program was interrupted{more}")
-            fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
-        report = result.report
-        ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
-        audience.end(ended)
-    if as_json:
-        print(report.model_dump_json(indent=2))
-    if not headless:
-        console.print(ended, highlight=False, markup=False, soft_wrap=True)
-    for failure in report.failures:
-        console.print(Text.assemble(("failed:", "red"), f" {failure.reason}"), soft_wrap=True)
-    if result.resumable:
-        from app.play.match import match_of
-
-        sentence = f"'touchmove resume {match_of(result.folder)}' goes on with it"
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
-    raise typer.Exit(0 if result.holds else 1)
-
-
-@dataclass(frozen=True, slots=True)
-class _Audience:
-    """Who is shown a game, what they say, and how they are told that the program ends."""
-
-    ui: UserInterface
-    lines: Lines
-    end: Callable[[str], None] = lambda _: None
-
-
-@contextmanager
-def _audience(
-    program: Program,
-    settings: Settings,
-    console: Console,
-    page_ahead: StartedPage | None,
-    *,
-    headless: bool,
-    awaited: bool,
-) -> Iterator[_Audience]:
-    """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
-    from app import UserError
-    from app.terminal.interface import Conversation, Terminal, Together, UserInterface
-    from app.terminal.typed_lines import TypedLines
-
-    talks = program in ("play", "resume")
-    with ExitStack() as stack:
-        terminal: UserInterface = UserInterface()
-        if not headless:
-            shown = (
-                Conversation(console, echoes=sys.stdin is not None and sys.stdin.isatty())
-                if talks
-                else Terminal(console)
-            )
-            terminal = stack.enter_context(shown)
-        if settings.terminal.speak:
-            from app.terminal.speaker import Speaker
-
-            try:
-                terminal = Together(terminal, stack.enter_context(Speaker()))
-            except UserError as error:
-                fail(str(error))
-        typed = sys.stdin if talks else None
-        remedy = None if awaited else "with --page the game waits for somebody in a browser"
-        if page_ahead is not None and not settings.page.on:
-            page_ahead.cancel()
-            page_ahead = None
-        if page_ahead is None:
-            yield _Audience(terminal, TypedLines(typed, terminal.heard, remedy=remedy))
-            return
-        from app.page.publisher import PagePublisher
-        from app.page.supervisor import PageSupervisor
-        from app.records.files import GAMES
-
-        publisher = PagePublisher(program)
-        ui = Together(terminal, publisher)
-        lines = TypedLines(typed, ui.heard, lambda: (awaited or publisher.used) and not publisher.given_up, remedy)
-        publisher.subscribe(lines.offer)
-        stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say, page_ahead))
-        yield _Audience(ui, lines, publisher.end)
-
-
-def _invite(address: str) -> None:
-    """Say where the page is, and open it where there is a screen and somebody who has started this by hand."""
-    say(f"watch and play in a browser: {address}")
-    if (
-        sys.stderr is not None
-        and sys.stderr.isatty()
-        and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    ):
-        # some browsers keep who opens them waiting, and whoever looks after the page must not be
-        threading.Thread(target=webbrowser.open, args=(address,), name="browser", daemon=True).start()

@@ -29,7 +29,7 @@ from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
 from hardware.interfaces import Camera, Frame, HardwareError, StaleFrame
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
-from hardware.table import PIECE_SHAPES
+from hardware.piece_set import PIECE_SHAPES
 
 FRAMES: Final = 6
 MOST_AGE: Final = 0.5

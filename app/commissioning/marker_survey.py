@@ -16,7 +16,8 @@ from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.rig.devices import Rig
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 from vision.arrays import Array
 from vision.camera.calibration import CalibrationFailed
 from vision.camera.marker import SeenMarker, find_marker

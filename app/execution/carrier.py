@@ -29,13 +29,13 @@ from app.rig.arm import (
 )
 from app.terminal.interface import UserInterface
 from hardware.parameters import RobotParameters
-from hardware.table import Kind
+from hardware.piece_set import Kind
 
 if TYPE_CHECKING:
     from app.execution.fallen import Leaning
     from app.execution.recovery_plans import Blocked
     from app.motion import Motion, MotionSettings, Plan, Planner
-    from vision.pieces.pose_search import MisplacedPiece
+    from vision.pieces.lying_or_standing import MisplacedPiece
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""

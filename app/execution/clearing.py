@@ -22,8 +22,8 @@ from app.pieces.order import Point
 from app.records import GameRecord
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
-from hardware.table import PIECE_SHAPES
-from vision.pieces.pose_search import MisplacedPiece
+from hardware.piece_set import PIECE_SHAPES
+from vision.pieces.lying_or_standing import MisplacedPiece
 
 MOST_PUSHES: Final = 6
 """Of one piece."""

@@ -12,7 +12,7 @@ from app.execution.repair import Ask, Repair
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import TOLERANCE
 
 

@@ -24,12 +24,13 @@ from app.pieces.layout import KINDS
 from app.rig.arm import Arm
 from app.terminal.shown import LookShown
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
-from hardware.table import Colour, Kind, Look, PieceSpec, TableSettings, square_place
+from hardware.piece_set import Colour, Kind, Look
+from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board.anchor import Anchor
 from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
-from vision.pieces.fallen import around_board, find_misplaced
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
+from vision.pieces.misplaced import around_board, find_misplaced
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, WHITE

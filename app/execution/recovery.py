@@ -33,7 +33,7 @@ from app.records.events import Purpose
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
 from hardware.table import TableSettings, square_place
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40

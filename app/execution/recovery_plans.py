@@ -23,8 +23,9 @@ from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings, square_place
-from vision.pieces.pose_search import MisplacedPiece
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import PieceSpec, TableSettings, square_place
+from vision.pieces.lying_or_standing import MisplacedPiece
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""

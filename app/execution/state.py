@@ -18,12 +18,13 @@ from app.records.history import Unfinished
 from app.rig.arm import Arm
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
+from hardware.piece_set import Look
 from hardware.referee import Referee
-from hardware.table import Look, Place
+from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard
-    from vision.pieces.pose_search import MisplacedPiece
+    from vision.pieces.lying_or_standing import MisplacedPiece
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from app.execution.observation import GameObserver
     from app.execution.recovery import Recovery
     from app.guard.game_guard import GameGuard
-    from vision.pieces.pose_search import MisplacedPiece
+    from vision.pieces.lying_or_standing import MisplacedPiece
     from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 

@@ -17,10 +17,11 @@ from app import UserError
 from app.execution.state import KEPT, WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
-from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, ask, end_of
+from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
+from app.game.questions import Interjected, TurnQuestions
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
-from app.players.commands import Command, CommandError, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
+from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
@@ -41,15 +42,6 @@ POLL: Final = 0.2
 FORBEARANCE: Final = 2.0
 """So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
 castling or for a queen [s, wall]."""
-_PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}
-
-
-class _Interjected(Exception):
-    """The person gave a command where they were asked a question."""
-
-    def __init__(self, command: Command) -> None:
-        super().__init__(command)
-        self.command = command
 
 
 class HumanTurn:
@@ -57,7 +49,7 @@ class HumanTurn:
 
     def __init__(self, human: Human, table: Table, players: Players, timing: Timing, ui: UserInterface) -> None:
         self._human, self._table, self._players, self._ui = human, table, players, ui
-        self._timing = timing
+        self._timing, self._questions = timing, TurnQuestions(human, ui)
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
         self._notice = HandNotice(table.guard if human.hands is None else None)
@@ -104,7 +96,7 @@ class HumanTurn:
                     end = self._glance()
             except (PersonGone, RecordError, ArmPaused, NeedsHand, NeedsGo, GameLeft):
                 raise
-            except _Interjected as instead:
+            except Interjected as instead:
                 other, end = instead.command, None
                 self._timing.start(self._colour)
             except (UserError, HardwareError, EngineProblem) as error:  # the game stands where it stood
@@ -183,7 +175,7 @@ class HumanTurn:
     def _pause(self) -> GameEnd | None:
         self._timing.pause()
         self._ui.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
-        self._answer("go on?", (Word.GO.value,))
+        self._questions.answer("go on?", (Word.GO.value,), self._table.board)
         self._timing.start(self._colour)
         return None
 
@@ -345,7 +337,9 @@ class HumanTurn:
         question: str = "this looks like {}, but not clearly: was that it?",
     ) -> GameEnd | None:  # fmt: skip
         squares = [chess.square_name(square) for square in (move.from_square, move.to_square)]
-        if said == move or self._yes(question.format(self._table.board.san(move)), squares):
+        if said == move or self._questions.yes(
+            question.format(self._table.board.san(move)), self._table.board, squares
+        ):
             return self._accept(move, then, reading)
         self._ui.say("then put the pieces back as they were, or type the move that you have made")
         return None
@@ -363,8 +357,7 @@ class HumanTurn:
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
         if said is not None and said.promotion is not None:
             return said.promotion
-        answer = self._answer("what has the pawn become? q, r, b or n", tuple(_PROMOTIONS))
-        return _PROMOTIONS[answer]
+        return self._questions.promotion(self._table.board)
 
     # words
 
@@ -383,17 +376,3 @@ class HumanTurn:
         assert said.move is not None, "who is asked has an answer, or says why not"
         squares = [chess.square_name(square) for square in (said.move.from_square, said.move.to_square)]
         self._ui.say(f"I would play {self._table.board.san(said.move)}", squares)
-
-    def _yes(self, question: str, squares: Sequence[str]) -> bool:
-        return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n"), squares).startswith("y")
-
-    def _answer(self, question: str, valid: tuple[str, ...], squares: Sequence[str] = ()) -> str:
-        """One of some words; any other command is done instead of what the question was about."""
-
-        def other(line: str) -> bool:
-            try:
-                raise _Interjected(parse_command(line, self._table.board))
-            except CommandError:
-                return False
-
-        return ask(self._human, self._ui, question, valid, other, squares=squares)

@@ -34,7 +34,8 @@ from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
-from hardware.table import Look, Place
+from hardware.piece_set import Look
+from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard

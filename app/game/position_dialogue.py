@@ -20,7 +20,8 @@ from app.players.commands import NOTHING, CommandError, Word, said_of_square
 from app.players.person import Human
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
-from hardware.table import Colour, Look, Place, TableSettings
+from hardware.piece_set import Colour, Look
+from hardware.table import Place, TableSettings
 from vision.standing.recognised_set import RecognisedSet
 
 _LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)

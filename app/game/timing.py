@@ -18,7 +18,7 @@ from app.game.clock import ChessClock, ClockMove
 from app.records import PlyEvent
 from app.settings.time_control import ArmTime
 from app.terminal.shown import ClockShown
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 EXPECTED_MOTION = 2.0
 """How long the arm will move for a ply, before it has moved [s]: what a mean ply takes."""

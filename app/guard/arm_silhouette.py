@@ -30,7 +30,8 @@ from controller.protocol.messages import Telemetry
 from controller.settings import ControllerSettings
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 from vision.arrays import Array
 from vision.hands.arm_mask import Capsules
 

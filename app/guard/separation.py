@@ -15,7 +15,7 @@ import numpy as np
 
 from app.rig.devices import Holder
 from controller.loop.playback import CHANGE
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.table import TableSettings
 from vision.arrays import Array
 from vision.board.view import BoardView
@@ -84,7 +84,7 @@ class Separation:
         admitted: how many showed nobody near.
     """
 
-    def __init__(self, view: BoardView, holder: Holder, interval: float, latency: float, limits: ContactLimits) -> None:
+    def __init__(self, view: BoardView, holder: Holder, interval: float, latency: float, limits: ContactSpeeds) -> None:
         fast, slow = limits.tool_speed, limits.shared_tool_speed or limits.tool_speed
         self.reach = reach(latency, interval, fast, slow)
         self.frames = self.admitted = 0

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan, PlanRefused
     from app.motion.planner import Planner
-    from app.motion.settings import PROFILES, MotionSettings, Profile, contact_limits
+    from app.motion.settings import PROFILES, MotionSettings, Profile, contact_speeds
 
 __all__ = [
-    "PROFILES", "Motion", "MotionSettings", "Plan", "PlanRefused", "Planner", "Profile", "contact_limits",
+    "PROFILES", "Motion", "MotionSettings", "Plan", "PlanRefused", "Planner", "Profile", "contact_speeds",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     """The name, from the module below that has it."""
-    if name in ("PROFILES", "MotionSettings", "Profile", "contact_limits"):
+    if name in ("PROFILES", "MotionSettings", "Profile", "contact_speeds"):
         from app.motion import settings
 
         return getattr(settings, name)

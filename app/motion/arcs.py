@@ -25,7 +25,8 @@ from app.motion.timing.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
 from controller.protection.limits import Limits, default_limits
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind, PieceShape
+from hardware.table import Place, TableSettings
 
 _STEP = 0.0015
 """Ways over the board are looked at so closely [m]."""

@@ -13,7 +13,8 @@ from app.motion.path import Vector
 from app.pieces.inventory import Inventory, Transfer
 from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as
 from hardware.parameters import Pads
-from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind, PieceShape
+from hardware.table import Place, TableSettings
 
 
 class Obstacle(NamedTuple):

@@ -22,7 +22,8 @@ from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.pieces.inventory import Inventory, PieceBoxed, Stage, Transfer
 from hardware.parameters import Pads, RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import Place, TableSettings
 
 GRAVITY: Final = 9.81
 """[m/s²]"""

@@ -7,7 +7,7 @@ from typing import Final, Self
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from controller.settings import HELD_FORCE
-from hardware.contact_limits import CONTACT_PROFILES, ContactLimits
+from hardware.contact_speeds import CONTACT_PROFILES, ContactSpeeds
 from hardware.frozen import Frozen
 from hardware.table import TableSettings
 
@@ -158,9 +158,9 @@ PROFILES: Final = MappingProxyType({
     Profile.GENTLE: MotionSettings(speed=CONTACT_PROFILES["gentle"].tool_speed, acceleration=8.0, jerk=250.0),
     Profile.MINIMUM_JERK: MotionSettings(law=Law.MINIMUM_JERK),
 })  # fmt: skip
-"""Settings of each profile; what protection enforces is of ``contact_limits``."""
+"""Settings of each profile; what protection enforces is of ``contact_speeds``."""
 
 
-def contact_limits(profile: Profile) -> ContactLimits:
+def contact_speeds(profile: Profile) -> ContactSpeeds:
     """How fast the tool may move where it can meet a person."""
     return CONTACT_PROFILES.get(profile.value, CONTACT_PROFILES["default"])

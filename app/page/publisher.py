@@ -45,7 +45,7 @@ from app.page.news import (
 )
 from app.terminal.interface import UserInterface
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown, View
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 if TYPE_CHECKING:
     import numpy as np

@@ -24,14 +24,8 @@ from controller.model.reach import posture_at
 from controller.protection.limits import default_limits
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
-from hardware.table import (
-    PIECE_PROFILES,
-    PIECE_SHAPES,
-    Kind,
-    TableSettings,
-    piece_profile,
-    square_place,
-)
+from hardware.piece_set import PIECE_PROFILES, PIECE_SHAPES, Kind, piece_profile
+from hardware.table import TableSettings, square_place
 from hardware.turned_shapes import CARVINGS, KING_CROSS, KNIGHT_HEAD, KNIGHT_LAYERS
 
 FELT_POINTS: Final = 2

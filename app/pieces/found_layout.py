@@ -12,7 +12,8 @@ import chess
 
 from app.pieces.inventory import Inventory
 from app.pieces.layout import SetPiece, physical_set, pieces_on_squares, start_layout
-from hardware.table import Captured, Kind, Look, PieceSpec, Place, TableSettings
+from hardware.piece_set import Kind, Look
+from hardware.table import Captured, PieceSpec, Place, TableSettings
 
 
 def found_layout(board: chess.Board, beside: Mapping[Place, Look], free: Set[Place], table: TableSettings) -> Inventory:

@@ -12,17 +12,8 @@ import chess
 
 from app import UserError
 from app.pieces.layout import colour_of, kind_of
-from hardware.table import (
-    PIECE_SHAPES,
-    Captured,
-    Colour,
-    Kind,
-    PieceShape,
-    PieceSpec,
-    Place,
-    TableSettings,
-    square_place,
-)
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind, PieceShape
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 
 _TIE = 6
 """Decimals of a metre to which travel is compared, so that equal distances tie on every machine."""

@@ -13,7 +13,8 @@ from types import MappingProxyType
 import chess
 
 from app import UserError
-from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 
 SPARES: Mapping[Kind, int] = MappingProxyType({Kind.QUEEN: 3, Kind.ROOK: 2, Kind.BISHOP: 2, Kind.KNIGHT: 2})
 """Spare pieces of each colour.

@@ -18,7 +18,8 @@ import chess
 from app import UserError
 from app.pieces.inventory import Inventory, MoveKind, Ply, Transfer
 from app.pieces.layout import KINDS, colour_of
-from hardware.table import Colour, Kind, Place, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import Place, square_place
 
 _PROMOTED = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
 

@@ -19,7 +19,8 @@ from app import UserError
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import SPARES, colour_of, kind_of, physical_set
 from app.pieces.order import rearrange, rings_of
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 
 Array = NDArray[np.float64]
 Ways = dict[str, tuple[Place, Place]]

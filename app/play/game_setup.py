@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.motion import PROFILES, MotionSettings, Profile, contact_limits
+from app.motion import PROFILES, MotionSettings, Profile, contact_speeds
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig
@@ -20,7 +20,8 @@ from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
 from controller.wire.link import Listener
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
-from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Colour
+from hardware.table import Captured, TableSettings
 
 if TYPE_CHECKING:
     from app.settings.calibration import Calibration
@@ -203,7 +204,7 @@ def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen
 
 def _own_table(section: RigSection) -> TableSettings:
     """With larger squares it stands nearer to the robot."""
-    limits = contact_limits(section.profile or Profile.DEFAULT)
+    limits = contact_speeds(section.profile or Profile.DEFAULT)
     table = TableSettings(limits=limits, captured=section.captured or Captured.TRAY)
     if section.square is None:
         return table

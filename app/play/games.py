@@ -16,7 +16,7 @@ from app.pieces.layout import start_layout
 from app.play.game_setup import RigSetup, start_board
 from app.play.match import Fixture
 from app.play.player_selection import engine_players, line_players, start_clock
-from app.play.replay import RecordedGame, recorded_games
+from app.play.recorded_games import RecordedGame, recorded_games
 from app.players.commands import NewGame, Word
 from app.players.given_line import parse_line
 from app.players.person import Human, PersonGone

@@ -34,7 +34,7 @@ from app.settings.tree import BOARD, SIMULATED, PlayerKind, Settings
 from app.terminal.interface import UserInterface
 from app.terminal.shown import RigKind, SessionShown
 from controller.wire.link import Listener
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 if TYPE_CHECKING:
     pass

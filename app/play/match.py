@@ -35,7 +35,7 @@ from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Pace
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 PERSON: Final = "Human"
 """Name of whoever plays by hand."""

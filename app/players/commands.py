@@ -14,7 +14,8 @@ import chess
 
 from app import UserError
 from app.players.given_line import MoveError, parse_move, tokens_of
-from hardware.table import Colour, Kind, Look, Place
+from hardware.piece_set import Colour, Kind, Look
+from hardware.table import Place
 
 NOTHING: Final = ("nothing", "empty", "none")
 """Words for an empty square."""

@@ -20,7 +20,7 @@ from app.pieces.inventory import Inventory, MoveKind, Ply, Stage, Transfer
 from app.pieces.layout import colour_of
 from app.records.files import RecordError, whole_lines
 from hardware.frozen import Frozen
-from hardware.table import Colour, Kind
+from hardware.piece_set import Colour, Kind
 
 Pace = Literal["real", "fast"]
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]

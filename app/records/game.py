@@ -39,11 +39,12 @@ from app.records.events import (
 )
 from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
 from app.records.history import History, RecordState, Unfinished
-from app.records.pgn import PgnFile, PgnMove
+from app.records.pgn_writing import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from app.records.robot import RobotRecord, Row, keep_robot
 from hardware.parameters import RobotParameters
-from hardware.table import Colour, Place, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import Place, TableSettings
 
 if TYPE_CHECKING:
     import numpy as np

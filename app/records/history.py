@@ -26,7 +26,8 @@ from app.records.events import (
     unsaid,
 )
 from app.records.files import RecordError
-from hardware.table import Colour, PieceSpec, Place, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import PieceSpec, Place, TableSettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from app.report.markup import Html, escaped, joined, tag
 from app.report.plot import MARK, PlotArea, drawing, mark, nice_ticks, number
 from app.report.source import LoopOfPly, ReportSource
 from controller.protection.limits import WHY
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 MOST_PAWNS: Final = 10.0
 """An evaluation is drawn up to so much; what is more, and a mate, at the edge."""

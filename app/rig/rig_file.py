@@ -33,9 +33,10 @@ from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, ParametersError, load_parameters
+from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import WorldOptions
-from hardware.table import Colour, TableSettings
+from hardware.table import TableSettings
 
 RIG_FILE: Final = "rig.toml"
 """In the run directory of a simulation of our own."""

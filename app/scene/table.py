@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from app.scene.solids import Cuboid, Finish, RoundBar
-from hardware.table import PIECE_SHAPES, Colour, Kind, TableSettings, piece_profile, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind, piece_profile
+from hardware.table import TableSettings, square_place
 
 BOARD_THICKNESS: Final = 0.012
 """Assumed: of the board and of the table beside it, for the eye alone [m]."""

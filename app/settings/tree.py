@@ -18,7 +18,8 @@ from app.settings.time_control import ArmTime
 from controller.settings import ANY_PORT, LOOPBACK, IPv4
 from engine.settings import HASH_MB, THREADS, OptionValue
 from hardware.interfaces import LINGER, SEED, Pace
-from hardware.table import Captured, Colour
+from hardware.piece_set import Colour
+from hardware.table import Captured
 
 SIMULATED: Final = "sim"
 """Name of the rig that is simulated and started with the program that uses it; also of its bus."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import chess
 
 from hardware.interfaces import Pace
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 if TYPE_CHECKING:
     import numpy as np

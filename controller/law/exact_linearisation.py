@@ -64,7 +64,7 @@ def exact_joint_law(state: FloatArray, reference: FloatArray) -> Vector:
     In closed loop each servomotor follows (22), ë + k_v ė + k_p e = 0 with e = y - r, whatever the others do.
 
     Args:
-        state: shape (24, 3), as `estimate` left it; not changed.
+        state: shape (27, 3), as `estimate` left it; not changed.
         reference: as for `task_space_law`, but of the servomotors: r [rad], ṙ [rad/s], r̈ [rad/s²]; k* is not read.
 
     Returns:
@@ -81,7 +81,7 @@ def exact_task_law(state: FloatArray, reference: FloatArray, tactile: tuple[floa
         u = M_y J_c⁻¹ (v - J̇_c ẏ) + D + a + τ_g
 
     Args:
-        state: shape (24, 3), as `estimate` left it; not changed.
+        state: shape (27, 3), as `estimate` left it; not changed.
         reference: as for `task_space_law`.
         tactile: forces on the right (+z1) and left (-z1) pad, pressing positive [N].
 
@@ -99,7 +99,7 @@ def neglected_acceleration(state: FloatArray) -> Vector:
     """The residual of (23): the tool gets v plus this, J̇_c ẏ - J_c M_y⁻¹ a [m/s²].
 
     Args:
-        state: shape (24, 3), as `estimate` left it; not changed.
+        state: shape (27, 3), as `estimate` left it; not changed.
     """
     drift, a = _velocity_terms(state)
     m = state[INERTIA : INERTIA + 3]

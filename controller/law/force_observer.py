@@ -49,7 +49,7 @@ def observe(memory: FloatArray, state: FloatArray, velocity: Vector, acting: Vec
 
     Args:
         memory: shape (13,), in and out; the first three are the force on the tool, base frame [N].
-        state: shape (24, 3), as `controller.law.task_space.estimate` left it at the tick before; not changed.
+        state: shape (27, 3), as `controller.law.task_space.estimate` left it at the tick before; not changed.
         velocity: ẏ of this tick [rad/s].
         acting: torque of the servomotors during this tick [N m]; not finite where it is not known (brakes).
 
@@ -83,7 +83,7 @@ def observe(memory: FloatArray, state: FloatArray, velocity: Vector, acting: Vec
     for i in range(3):
         gained = inertia[i, 0] * change[0] + inertia[i, 1] * change[1] + inertia[i, 2] * change[2]
         friction = shaft_friction(
-            0.5 * (velocity[i] + before[i]), constants[VISCOUS], constants[COULOMB], memory[_SMOOTH]
+            0.5 * (velocity[i] + before[i]), constants[VISCOUS + i], constants[COULOMB + i], memory[_SMOOTH]
         )
         outside = gained * memory[_PER_TICK] - (mean[i] - inward[i] - friction - state[GRAVITY_TORQUE, i])
         memory[_RESIDUAL + i] += memory[_SHARE] * (outside - memory[_RESIDUAL + i])

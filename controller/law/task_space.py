@@ -84,7 +84,7 @@ def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     """Where the arm is, how it moves and what it weighs, from the servomotors' angles and velocities.
 
     Args:
-        state: shape (24, 3), in: the model, the friction to feed forward, the last z as warm start; out: the fields
+        state: shape (27, 3), in: the model, the friction to feed forward, the last z as warm start; out: the fields
             of `ArmState`.
         angle: y [rad].
         velocity: ẏ [rad/s].
@@ -110,11 +110,12 @@ def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     status, volume, transmission = control_jacobian(constants, d, e, jacobian, inverse)
     if status != OK:
         return status
-    viscous, coulomb, speed = state[COMPENSATED, 0], state[COMPENSATED, 1], state[COMPENSATED, 2]
+    share, speed = state[COMPENSATED, 0], state[COMPENSATED, 1]
     for i in range(3):
         state[POSITION, i] = z[i]
         state[VELOCITY, i] = jacobian[i, 0] * velocity[0] + jacobian[i, 1] * velocity[1] + jacobian[i, 2] * velocity[2]
-        state[FRICTION, i] = shaft_friction(velocity[i], viscous, coulomb, speed)
+        rubbing = shaft_friction(velocity[i], constants[VISCOUS + i], constants[COULOMB + i], speed)
+        state[FRICTION, i] = share * rubbing
     joint_inertia(constants, e, jacobian, state[INERTIA : INERTIA + 3])
     gravity_torque(constants, e, jacobian, state[GRAVITY_TORQUE])
     state[QUALITY, 0], state[QUALITY, 1], state[QUALITY, 2] = volume, transmission, float(steps)
@@ -127,7 +128,7 @@ def task_space_law(state: FloatArray, reference: FloatArray, tactile: tuple[floa
     """(23) on an estimated state.
 
     Args:
-        state: shape (24, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
+        state: shape (27, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
         reference: shape (16,) or longer, see `REFERENCE_SIZE`.
         tactile: forces on the right (+z1) and left (-z1) pad, pressing positive [N].
 
@@ -193,13 +194,12 @@ class TaskSpaceController:
         """Go on with another model, say with a payload; the estimate stays warm if the lengths are the same."""
         self._model = model
         load_model(self._buffer, model)
-        factor = 1.0 if self._settings.friction_compensation else 0.0
-        viscous, coulomb = factor * model.constants[VISCOUS], factor * model.constants[COULOMB]
-        self._buffer[COMPENSATED] = viscous, coulomb, self._settings.coulomb_speed
+        share = 1.0 if self._settings.friction_compensation else 0.0
+        self._buffer[COMPENSATED] = share, self._settings.coulomb_speed, 0.0
 
     @property
     def memory(self) -> FloatArray:
-        """All that the last tick left, shape (24, 3), as compiled functions take it; see `controller.model.state`."""
+        """All that the last tick left, shape (27, 3), as compiled functions take it; see `controller.model.state`."""
         return self._buffer
 
     @property

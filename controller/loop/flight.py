@@ -3,6 +3,7 @@
 The loop writes a row a tick into a ring made before the first one. When something goes wrong the loop goes on a little,
 so that the file also tells what the arm did next; then it takes the spare ring, and a helper thread writes the full one
 to ``flight-<tick>.npz`` in the run directory. A file so begins where the one before it ended, or half a minute earlier.
+A client that wants to know what a motion of its own was like asks for the same: that goes to ``record-<tick>.npz``.
 The loop never waits: while a file is being written further faults are noted and their ticks kept for the next one.
 
 `controller.records.flight_file` says what a row holds, and reads the files.
@@ -35,6 +36,9 @@ AFTERMATH: Final = 0.25
 brakes."""
 PATIENCE: Final = 0.5
 """The same in wall time, where plant time stands [s]."""
+FLIGHT_NAME: Final = "flight"
+RECORD_NAME: Final = "record"
+"""What files begin with that were written because something went wrong, and because the client wants to know."""
 _ORDERS: Final = 64
 _TRIGGERS: Final = 16
 _TURN: Final = 1e-4
@@ -44,6 +48,7 @@ _END_TIMEOUT: Final = 5.0
 
 class _Job(NamedTuple):
     loop: int
+    name: str
     tick: int
     head: FlightHead
     ring: FlightRing
@@ -75,6 +80,7 @@ class FlightRecorder:
         self._triggers: list[Trigger] = []
         self._aftermath = max(1, round(AFTERMATH / period))
         self._due_count, self._due_time = 0, 0.0
+        self._wanted = False
         self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._write_files, name="flight recorder", daemon=True)
         self._thread.start()
@@ -93,9 +99,11 @@ class FlightRecorder:
         self._timed = ring.count
 
     def note(self, order: CommandCode | Announce) -> None:
-        """Remember what the client asked for; repeated announcements once."""
+        """Remember what the client asked for; repeated announcements once. Of RECORD write what is in memory."""
         if not (self._orders and self._orders[-1].order == order and isinstance(order, Announce)):
             self._orders.append(Order(self._tick, self._epoch + time.monotonic(), order))
+        if order is CommandCode.RECORD:  # what was written just before is not written again
+            self._wanted = self._wanted or self._ring.count >= self._aftermath
 
     def watch(self, now: float) -> None:
         """Notice faults, and hand the ring over once their aftermath is in it. For every turn of the loop.
@@ -108,7 +116,8 @@ class FlightRecorder:
             self._cause = cause
             if cause.cause not in ORDERLY:
                 self._alarm(Trigger(self._tick, self._epoch + now, *cause[:3]), now)
-        if self._triggers and (self._ring.count >= self._due_count or now >= self._due_time):
+        due = bool(self._triggers) and (self._ring.count >= self._due_count or now >= self._due_time)
+        if due or (self._wanted and not self._triggers):
             spare = self._spare
             if spare is not None:  # only then is it taken away: the helper may give it back at any moment
                 self._spare = None
@@ -126,7 +135,7 @@ class FlightRecorder:
             return
         if abnormal and self._supervisor.measurement.tick > self._tick:
             self.record(time.monotonic())  # what could not be carried through is what one wants to see
-        if (self._triggers or abnormal) and self._ring.count:
+        if (self._triggers or self._wanted or abnormal) and self._ring.count:
             self._hand_over(self._ring, abnormal)
         self._jobs.put(None)
         self._thread.join(_END_TIMEOUT)
@@ -140,26 +149,28 @@ class FlightRecorder:
     def _hand_over(self, ring: FlightRing, abnormal: bool) -> None:
         """Let the helper thread write a ring, named after the first fault, or after the last tick."""
         triggers, self._triggers = self._triggers, []
+        name = RECORD_NAME if self._wanted and not triggers and not abnormal else FLIGHT_NAME
+        self._wanted = False  # what went wrong meanwhile is in the same file, and counts for more
         head = FlightHead(self._period, abnormal, tuple(triggers), tuple(self._orders))
-        self._jobs.put(_Job(threading.get_native_id(), triggers[0].tick if triggers else self._tick, head, ring))
+        self._jobs.put(_Job(threading.get_native_id(), name, triggers[0].tick if triggers else self._tick, head, ring))
 
     def _write_files(self) -> None:
         """The helper thread."""
         while (job := self._jobs.get()) is not None:
-            path = self._directory / f"flight-{job.tick}.npz"
+            path = self._directory / f"{job.name}-{job.tick}.npz"
             try:
                 with _beside(job.loop):
                     write_flight(path, job.head, job.ring.parts())
-                    self._prune()
+                    self._prune(job.name)
             except OSError as error:
                 sentence = f"{path} cannot be written ({error.strerror}): the ticks before the fault are lost"
                 print(f"{sentence}; free some space", file=sys.stderr, flush=True)
             job.ring.count = 0
             self._spare = job.ring
 
-    def _prune(self) -> None:
-        """Delete the oldest files."""
-        found = sorted(self._directory.glob("flight-*.npz"), key=lambda path: path.stat().st_mtime_ns)
+    def _prune(self, name: str) -> None:
+        """Delete the oldest files of a kind."""
+        found = sorted(self._directory.glob(f"{name}-*.npz"), key=lambda path: path.stat().st_mtime_ns)
         for path in found[: -self._files]:
             path.unlink(missing_ok=True)
 

@@ -181,7 +181,7 @@ def plain_tick(
     """Take a measurement in, if it is plain.
 
     Args:
-        law: memory of the law, shape (24, 3), in and out.
+        law: memory of the law, shape (27, 3), in and out.
         block: of `TickMemory`, in and out.
         samples: ring of the motion's, shape (capacity, 19).
         flight: ring of the flight recorder, a row a tick; its wall times are left to the caller.

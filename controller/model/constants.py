@@ -17,20 +17,21 @@ DISTAL: Final = 2
 """l2 [m]."""
 HEIGHT: Final = 3
 """l4 [m]."""
-HINGE_INERTIA: Final = 4
-"""I1: proximal link and rotor about the servomotor's axis [kg m²]."""
-PROXIMAL_MASS: Final = 5
-"""m1 [kg]."""
-DISTAL_MASS: Final = 6
-"""m2, both rods of one arm [kg]."""
-PLATFORM_MASS: Final = 7
+PLATFORM_MASS: Final = 4
 """mp: flange, gripper and payload [kg]."""
-GRAVITY: Final = 8
+GRAVITY: Final = 5
 """g along +z3 [m/s²]."""
-VISCOUS: Final = 9
-"""[N m s/rad]."""
-COULOMB: Final = 10
-"""[N m]."""
+HINGE_INERTIA: Final = 6
+"""I1 of the first of three arms: proximal link and rotor about the servomotor's axis [kg m²]."""
+PROXIMAL_MOMENT: Final = 9
+"""m1 c1 of the first of three arms: mass of the proximal link times the distance of its centre [kg m]."""
+DISTAL_MASS: Final = 12
+"""m2 of the first of three arms, both rods [kg]."""
+VISCOUS: Final = 15
+"""Of the first of three shafts [N m s/rad]."""
+COULOMB: Final = 18
+"""The same [N m]."""
+SIZE: Final = 21
 
 STANDARD_GRAVITY: Final = 9.80665
 
@@ -49,7 +50,7 @@ class DeltaModel:
     payload: float = 0.0
     """Mass held by the gripper, moving with the tool [kg]."""
     constants: FloatArray = field(init=False, repr=False)
-    """Shape (11,), read-only; what the compiled functions take, indexed by the names of this module."""
+    """Shape (21,), read-only; what the compiled functions take, indexed by the names of this module."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.payload) and self.payload >= 0.0):
@@ -60,18 +61,19 @@ class DeltaModel:
 
 
 def _pack(parameters: RobotParameters, payload: float) -> FloatArray:
-    """Fill the flat array; the proximal link is a uniform bar hinged at its end."""
-    geometry, inertia = parameters.geometry, parameters.inertia
-    constants = np.empty(11)
+    geometry = parameters.geometry
+    constants = np.empty(SIZE)
     constants[RADIUS] = geometry.base_radius - geometry.flange_radius
     constants[PROXIMAL] = geometry.proximal_length
     constants[DISTAL] = geometry.distal_length
     constants[HEIGHT] = geometry.gripper_height
-    constants[HINGE_INERTIA] = inertia.proximal_mass * geometry.proximal_length**2 / 3.0 + inertia.rotor_inertia
-    constants[PROXIMAL_MASS] = inertia.proximal_mass
-    constants[DISTAL_MASS] = inertia.distal_pair_mass
-    constants[PLATFORM_MASS] = inertia.moving_platform_mass + payload
+    constants[PLATFORM_MASS] = parameters.inertia.moving_platform_mass + payload
     constants[GRAVITY] = STANDARD_GRAVITY
-    constants[VISCOUS] = parameters.friction.viscous
-    constants[COULOMB] = parameters.friction.coulomb
+    for number in range(3):
+        one = parameters.arm(number)
+        constants[HINGE_INERTIA + number] = one.hinge_inertia
+        constants[PROXIMAL_MOMENT + number] = one.proximal_moment
+        constants[DISTAL_MASS + number] = one.distal_pair_mass
+        constants[VISCOUS + number] = one.viscous
+        constants[COULOMB + number] = one.coulomb
     return constants

@@ -47,6 +47,6 @@ def torque_demand(
         gravity_torque(constants, e, jacobian, holding[i])
         moving = times(inertia, times(inverse, minus(_vector(motion[i], 6), drift)))
         for j in range(3):
-            rubbing = shaft_friction(rate[j], constants[VISCOUS], constants[COULOMB], coulomb_speed)
+            rubbing = shaft_friction(rate[j], constants[VISCOUS + j], constants[COULOMB + j], coulomb_speed)
             torque[i, j] = moving[j] + a[j] + rubbing + holding[i, j]
     return OK, 0, torque, holding

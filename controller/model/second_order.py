@@ -16,7 +16,8 @@ import math
 import numpy as np
 
 from controller.model.compiled import FloatArray, Vector, compiled
-from controller.model.constants import DISTAL, DISTAL_MASS, PLATFORM_MASS, PROXIMAL, DeltaModel
+from controller.model.constants import DISTAL, DISTAL_MASS, PROXIMAL, DeltaModel
+from controller.model.dynamics import moving_mass
 from controller.model.kinematics import Triad, triad
 from controller.model.vectors import combine, dot, times, turn
 
@@ -68,18 +69,19 @@ def velocity_torque(
     A uniform rod of mass m whose ends accelerate with v̇ and ẇ takes the forces m (2 v̇ + ẇ) / 6 and m (v̇ + 2 ẇ) / 6
     at them. Where ÿ = 0 the ends of rod i have -l1 ẏ_i² p_i and J̇_c ẏ, and e_i·p_i = 0:
 
-        a = J_cᵀ ((mp + m2) J̇_c ẏ - (m2 l1 / 6) Σ ẏ_k² p_k) + (m2 l1 / 6) (e_i·J̇_c ẏ)_i.
+        a = J_cᵀ ((mp + Σ m2k / 3) J̇_c ẏ - (l1 / 6) Σ m2k ẏ_k² p_k) + (l1 / 6) (m2i e_i·J̇_c ẏ)_i.
 
     Arguments are those of `tool_drift`, and ``drift`` is what it gives [m/s²].
     """
-    coupling = constants[DISTAL_MASS] * constants[PROXIMAL] / 6.0
-    force = combine((0.0, 0.0, 0.0), constants[DISTAL_MASS] + constants[PLATFORM_MASS], drift)
+    sixth, first = constants[PROXIMAL] / 6.0, DISTAL_MASS
+    a, b, c = sixth * constants[first], sixth * constants[first + 1], sixth * constants[first + 2]
+    force = combine((0.0, 0.0, 0.0), moving_mass(constants), drift)
     for k in range(3):
-        force = combine(force, -coupling * rate[k] * rate[k], proximal_direction(k, y[k]))
+        force = combine(force, -sixth * constants[first + k] * rate[k] * rate[k], proximal_direction(k, y[k]))
     return (
-        jacobian[0, 0] * force[0] + jacobian[1, 0] * force[1] + jacobian[2, 0] * force[2] + coupling * dot(e[0], drift),
-        jacobian[0, 1] * force[0] + jacobian[1, 1] * force[1] + jacobian[2, 1] * force[2] + coupling * dot(e[1], drift),
-        jacobian[0, 2] * force[0] + jacobian[1, 2] * force[1] + jacobian[2, 2] * force[2] + coupling * dot(e[2], drift),
+        jacobian[0, 0] * force[0] + jacobian[1, 0] * force[1] + jacobian[2, 0] * force[2] + a * dot(e[0], drift),
+        jacobian[0, 1] * force[0] + jacobian[1, 1] * force[1] + jacobian[2, 1] * force[2] + b * dot(e[1], drift),
+        jacobian[0, 2] * force[0] + jacobian[1, 2] * force[1] + jacobian[2, 2] * force[2] + c * dot(e[2], drift),
     )
 
 

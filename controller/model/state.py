@@ -9,8 +9,8 @@ from controller.model.compiled import FloatArray, compiled
 from controller.model.constants import DeltaModel
 
 # First rows of the fields of `ArmState` in a float64 array of three columns, which is all that a tick works on: each
-# array passed to compiled code costs a tenth of a microsecond. WARM holds 1 after a good estimate. COMPENSATED is the
-# friction to be fed forward: viscous [N m s/rad], Coulomb [N m], speed over which its sign is smoothed [rad/s]; from
+# array passed to compiled code costs a tenth of a microsecond. WARM holds 1 after a good estimate. COMPENSATED holds
+# the share of the shafts' friction to be fed forward, and the speed over which its sign is smoothed [rad/s]; from
 # CONSTANTS on lie the model's.
 ANGLE: Final = 0
 RATE: Final = 1
@@ -27,7 +27,7 @@ QUALITY: Final = 17
 WARM: Final = 18
 COMPENSATED: Final = 19
 CONSTANTS: Final = 20
-ROWS: Final = 24
+ROWS: Final = 27
 
 
 REFERENCE_SIZE: Final = 16
@@ -77,22 +77,22 @@ class ArmState:
 
 @compiled
 def constants_of(state: FloatArray) -> FloatArray:
-    """The model's constants in a state: shape (12,), of which the last is no constant."""
-    return state[CONSTANTS:ROWS].reshape(12)
+    """The model's constants in a state: shape (21,)."""
+    return state[CONSTANTS:ROWS].reshape(21)
 
 
 def blank_state() -> FloatArray:
-    """A state that nothing is known of, shape (24, 3)."""
+    """A state that nothing is known of, shape (27, 3)."""
     return np.zeros((ROWS, 3))
 
 
 def load_model(state: FloatArray, model: DeltaModel) -> None:
     """Write a model's constants into a state."""
-    state[CONSTANTS:ROWS].reshape(12)[: len(model.constants)] = model.constants
+    state[CONSTANTS:ROWS].reshape(21)[:] = model.constants
 
 
 def views(buffer: FloatArray) -> ArmState:
-    """Name the rows of a state, shape (24, 3)."""
+    """Name the rows of a state, shape (27, 3)."""
     return ArmState(
         buffer[ANGLE], buffer[RATE], buffer[POSITION], buffer[VELOCITY], buffer[JACOBIAN:INVERSE],
         buffer[INVERSE:INERTIA], buffer[INERTIA:GRAVITY_TORQUE], buffer[GRAVITY_TORQUE], buffer[FRICTION],

@@ -12,7 +12,8 @@ from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.dynamics import gravity_torque, joint_inertia
 from controller.model.kinematics import OK, arm_directions, control_jacobian, inverse_kinematics
-from hardware.table import PIECE_SHAPES, Place, TableSettings, square_place
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import Place, TableSettings, square_place
 
 CLEARANCE: Final = 0.010
 """Of a carried piece over the tallest one [m]."""

@@ -31,27 +31,28 @@ def inertia_matrix(model: DeltaModel, q: FloatArray) -> FloatArray:
     """M(q), shape (9, 9), block diagonal [kg m²]."""
     matrix = np.zeros((9, 9))
     for k in (0, 3, 6):
-        m11, m12, m13, m22, m33 = arm_inertia(model.constants, *q[k : k + 3])
+        m11, m12, m13, m22, m33 = arm_inertia(model.constants, k // 3, *q[k : k + 3])
         matrix[k : k + 3, k : k + 3] = [[m11, m12, m13], [m12, m22, 0.0], [m13, 0.0, m33]]
     return matrix
 
 
 def coriolis_torque(model: DeltaModel, q: FloatArray, v: FloatArray) -> FloatArray:
     """C(q, v), shape (9,) [N m]."""
-    arms = ((_triple(q, k), _triple(v, k)) for k in (0, 3, 6))
+    arms = ((k // 3, _triple(q, k), _triple(v, k)) for k in (0, 3, 6))
     return np.concatenate([arm_coriolis(model.constants, *arm) for arm in arms])
 
 
 def gravity_torque(model: DeltaModel, q: FloatArray) -> FloatArray:
     """G(q), shape (9,) [N m]."""
-    return np.concatenate([arm_gravity(model.constants, *_triple(q, k)) for k in (0, 3, 6)])
+    return np.concatenate([arm_gravity(model.constants, k // 3, *_triple(q, k)) for k in (0, 3, 6)])
 
 
 def friction_torque(model: DeltaModel, v: FloatArray, speed: float) -> FloatArray:
     """D(v), shape (9,): shafts only, Coulomb's sign smoothed over ``speed`` [rad/s] [N m]."""
     torque = np.zeros(9)
-    for k in MEASURED:
-        torque[k] = shaft_friction(float(v[k]), model.constants[VISCOUS], model.constants[COULOMB], speed)
+    for arm, k in enumerate(MEASURED):
+        viscous, coulomb = model.constants[VISCOUS + arm], model.constants[COULOMB + arm]
+        torque[k] = shaft_friction(float(v[k]), viscous, coulomb, speed)
     return torque
 
 

@@ -108,8 +108,8 @@ def _free_arm(
     constants: FloatArray, arm: int, q: Vector, v: Vector, torque: Vector, alpha: tuple[float, float]
 ) -> tuple[Vector, Vector]:
     """One arm by itself: M_i⁻¹ (τ_i - C_i - G_i) [rad/s²], and what (2c) then leaves at its tip [m/s²]."""
-    own = minus(minus(torque, arm_coriolis(constants, q, v)), arm_gravity(constants, q[0], q[1], q[2]))
-    free = solve_arm(arm_inertia(constants, q[0], q[1], q[2]), own)
+    own = minus(minus(torque, arm_coriolis(constants, arm, q, v)), arm_gravity(constants, arm, q[0], q[1], q[2]))
+    free = solve_arm(arm_inertia(constants, arm, q[0], q[1], q[2]), own)
     psi, columns = arm_columns(constants, arm, q)
     closing = combine(arm_drift(constants, arm, q, v), alpha[0], psi)
     for j in range(3):
@@ -121,7 +121,7 @@ def _free_arm(
 def _tip_mobility(constants: FloatArray, arm: int, q: Vector, block: FloatArray) -> None:
     """A_i = J_i M_i⁻¹ J_iᵀ into ``block``, shape (3, 3) [1/kg]: how the tip answers a force."""
     _, columns = arm_columns(constants, arm, q)
-    inertia = arm_inertia(constants, q[0], q[1], q[2])
+    inertia = arm_inertia(constants, arm, q[0], q[1], q[2])
     for m in range(3):
         answer = solve_arm(inertia, (columns[0][m], columns[1][m], columns[2][m]))
         for n in range(3):
@@ -167,7 +167,7 @@ def constrained_acceleration(
         q_i, force = (q[k], q[k + 1], q[k + 2]), _tip_force(arm, multiplier)
         _, columns = arm_columns(constants, arm, q_i)
         torque = dot(columns[0], force), dot(columns[1], force), dot(columns[2], force)
-        change = solve_arm(arm_inertia(constants, q_i[0], q_i[1], q_i[2]), torque)
+        change = solve_arm(arm_inertia(constants, arm, q_i[0], q_i[1], q_i[2]), torque)
         for j in range(3):
             acceleration[k + j] += change[j]
     return OK
@@ -193,7 +193,7 @@ def applied_torque(
         _, columns = arm_columns(constants, arm, (q[k], q[k + 1], q[k + 2]))
         for j in range(3):
             applied[k + j] = dot(columns[j], force) / 3.0
-        applied[k] += torque[arm] - shaft_friction(v[k], constants[VISCOUS], constants[COULOMB], speed)
+        applied[k] += torque[arm] - shaft_friction(v[k], constants[VISCOUS + arm], constants[COULOMB + arm], speed)
     return OK
 
 
@@ -214,8 +214,9 @@ def tool_motion(constants: FloatArray, q: FloatArray, v: FloatArray) -> tuple[Ve
 def total_energy(constants: FloatArray, q: FloatArray, v: FloatArray) -> tuple[float, float]:
     """Kinetic and potential energy of the robot [J]."""
     kinetic, potential = 0.0, 0.0
-    for k in range(0, 9, 3):
-        one = arm_energy(constants, (q[k], q[k + 1], q[k + 2]), (v[k], v[k + 1], v[k + 2]))
+    for arm in range(3):
+        k = 3 * arm
+        one = arm_energy(constants, arm, (q[k], q[k + 1], q[k + 2]), (v[k], v[k + 1], v[k + 2]))
         kinetic += one[0]
         potential += one[1]
     return kinetic, potential

@@ -105,7 +105,7 @@ class Protection:
         """Whether `tool`, `fingers`, `motors` and `check_tracking` have nothing to say of a tick; then it is taken in.
 
         Args:
-            state: all that the law knows of the arm, shape (24, 3).
+            state: all that the law knows of the arm, shape (27, 3).
             reference: shape (16,) or longer.
             force: on the tool [N].
             tactile: forces on the pads [N].

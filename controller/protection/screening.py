@@ -68,7 +68,7 @@ def arm_well(
 
     Args:
         memory: shape (24,); the servomotors' mean squares go on in it, if all is well.
-        state: shape (24, 3), as the law's estimate left it.
+        state: shape (27, 3), as the law's estimate left it.
         reference: shape (16,) or longer, of this tick.
         force: on the tool [N].
         tactile: forces on the pads [N].

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import IntEnum, unique
 
 from controller.protocol.states import Event, State
-from hardware.interfaces import DriveStatus
+from hardware.interfaces import DriveStatus, DriveTrouble, fault_of
 
 
 @unique
@@ -124,7 +124,7 @@ _SENTENCES: dict[Cause, str] = {
     " see what stands in its way, then send resume",
     Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"
     " compare the arm's geometry with the parameters",
-    Cause.DRIVE_FAULT: "a drive reports a fault ({word}): read its display, then clear the fault",
+    Cause.DRIVE_FAULT: "{word}, then clear the fault",
     Cause.WATCHDOG: "the drives braked because no command came in time ({word}): clear the fault",
     Cause.OVERSPEED: "a servomotor exceeded its speed limit ({word}): clear the fault",
     Cause.NOT_ENABLED: "the drives did not enable within {limit:.0f} ticks ({word}):"
@@ -153,14 +153,35 @@ _SENTENCES: dict[Cause, str] = {
 }
 
 
+_FLAGS = (1 << len(DriveStatus)) - 1
+_DEVICES = (
+    "the bus",
+    "servomotor 1",
+    "servomotor 2",
+    "servomotor 3",
+    "the gripper",
+    "a sensor",
+    "a device",
+    "a device",
+)
+
+
 def _drives(value: float) -> str:
-    return DriveStatus(int(value)).name or "OK"
+    return DriveStatus(int(value) & _FLAGS).name or "OK"
+
+
+def _drive_fault(value: float) -> str:
+    """What a fault is of, in words, and what to do."""
+    device, trouble = fault_of(int(value))
+    if trouble is DriveTrouble.UNSPECIFIED:
+        return f"a drive reports a fault ({_drives(value)}): read its display"
+    return f"{_DEVICES[device]} {trouble.words}: {trouble.remedy}"
 
 
 _WORDS: dict[Cause, Callable[[float], str]] = {
     Cause.NOT_HOLDING: lambda value: State(int(value)).name,
     Cause.UNKNOWN_EVENT: lambda value: Event(int(value)).name,
-    Cause.DRIVE_FAULT: _drives,
+    Cause.DRIVE_FAULT: _drive_fault,
     Cause.WATCHDOG: _drives,
     Cause.OVERSPEED: _drives,
     Cause.NOT_ENABLED: _drives,

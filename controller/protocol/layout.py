@@ -55,6 +55,7 @@ class CommandCode(IntEnum):
     STOP = 4
     CLEAR_FAULT = 5
     SHUTDOWN = 6
+    RECORD = 7
 
 
 class MotionFlag(IntFlag):

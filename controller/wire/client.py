@@ -266,6 +266,17 @@ class ControllerClient:
         """Open the brakes and hold."""
         self._command(CommandCode.ENABLE, lambda t: t.state is State.HOLD)
 
+    def record(self) -> int:
+        """Have the controller write its flight record of the last half minute into its run directory.
+
+        Returns:
+            A tick that is in it, if there was time for it since the last one was written: the file is the one of
+            `controller.loop.flight.RECORD_NAME` with no earlier tick in its name. It is there some moments later.
+        """
+        tick = self.telemetry.tick
+        self._command(CommandCode.RECORD, lambda t: True)
+        return tick
+
     def shutdown(self) -> None:
         """Stop, brake, and end the controller process; returns when the arm rests."""
         link = self._connected

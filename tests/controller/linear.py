@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from controller.model.compiled import FloatArray, Vector
-from controller.model.constants import DISTAL_MASS, GRAVITY, PLATFORM_MASS, PROXIMAL, PROXIMAL_MASS, VISCOUS, DeltaModel
+from controller.model.constants import (
+    DISTAL_MASS,
+    GRAVITY,
+    PLATFORM_MASS,
+    PROXIMAL,
+    PROXIMAL_MOMENT,
+    VISCOUS,
+    DeltaModel,
+)
 from controller.model.dynamics import gravity_torque, joint_inertia
 from controller.model.kinematics import arm_directions, control_jacobian
 from controller.model.reach import tool_point_at
@@ -76,7 +84,7 @@ def linearise(model: DeltaModel, angle: FloatArray) -> Linear:
     inertia, holding = np.empty((3, 3)), np.empty(3)
     joint_inertia(c, e, jacobian, inertia)
     gravity_torque(c, e, jacobian, holding)
-    at_elbow = c[GRAVITY] * c[PROXIMAL] * (c[PROXIMAL_MASS] + c[DISTAL_MASS]) / 2.0
+    at_elbow = c[GRAVITY] * (c[PROXIMAL_MOMENT] + c[PROXIMAL] * c[DISTAL_MASS] / 2.0)
     at_tool = c[GRAVITY] * (c[PLATFORM_MASS] + 1.5 * c[DISTAL_MASS])
     stiffness = at_elbow * np.diag(np.sin(angle)) - at_tool * tool_hessian(model, angle)[2]
     flexibility = np.linalg.inv(inertia)

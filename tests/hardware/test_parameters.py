@@ -102,7 +102,7 @@ def test_no_file(tmp_path: Path) -> None:
         (
             "[tactile]",
             "[touch]",
-            ": touch is unknown, there are geometry, inertia, friction, drive, gripper, pads, tactile, marker",
+            ": touch is unknown, there are geometry, inertia, friction, drive, gripper, pads, tactile, marker, arms",
         ),
         ("coulomb = 0.02", "coulomb = -1.0", ": friction.coulomb is -1.0: it should be greater than or equal to 0"),
         ("coulomb = 0.02", "coulomb = inf", ": friction.coulomb is inf: it should be a finite number"),
@@ -126,4 +126,29 @@ def test_what_is_no_toml_is_no_parameter_file(tmp_path: Path) -> None:
 
 def test_the_file_and_the_model_have_the_same_fields() -> None:
     raw = tomllib.loads(TEXT)
-    assert RobotParameters.model_validate(raw).model_dump() == raw
+    assert RobotParameters.model_validate(raw).model_dump(exclude_none=True) == raw
+
+
+def test_arms_that_are_said_to_be_other_count_for_more_than_what_is_said_of_all(tmp_path: Path) -> None:
+    plain = RobotParameters.model_validate(tomllib.loads(TEXT))
+    section = "\n[arms]\n" + "\n".join(
+        f"{name} = [{', '.join(str(value * factor) for factor in (1.0, 1.1, 0.9))}]"
+        for name, value in plain.arm(0)._asdict().items()
+    )
+    path = tmp_path / "robot.toml"
+    path.write_text(TEXT + section + "\n", encoding="utf-8")
+    robot = load_parameters(path)
+    assert robot.arm(0) == plain.arm(0)
+    assert robot.arm(1).coulomb == pytest.approx(1.1 * plain.friction.coulomb)
+    assert robot.arm(2).hinge_inertia == pytest.approx(0.9 * plain.arm(2).hinge_inertia)
+
+
+def test_an_arm_lighter_than_its_rotor_is_refused(tmp_path: Path) -> None:
+    plain = RobotParameters.model_validate(tomllib.loads(TEXT))
+    robot = plain.with_arms([plain.arm(number)._replace(hinge_inertia=1e-4) for number in range(3)])
+    assert robot.arms is not None
+    path = tmp_path / "robot.toml"
+    lines = "\n".join(f"{name} = {list(value)}" for name, value in robot.arms.model_dump().items())
+    path.write_text(TEXT + "\n[arms]\n" + lines + "\n", encoding="utf-8")
+    with pytest.raises(ParametersError, match=r"must exceed inertia\.rotor_inertia"):
+        load_parameters(path)

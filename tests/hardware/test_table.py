@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.bodies.arm import inverse_kinematics
-from hardware.table import MOST_YAW, PIECE_SHAPES, Kind, Place, TableSettings, square_place
+from hardware.table import MOST_YAW, Place, TableSettings, square_place
 
 TABLE = TableSettings()
 SQUARES = [square_place(i) for i in range(64)]
@@ -121,7 +122,7 @@ def test_the_set_is_that_of_a_60_mm_king() -> None:
 
 
 def test_contact_limits_stay_below_the_standard() -> None:
-    limits = ContactLimits()
+    limits = ContactSpeeds()
     assert limits.downward_speed <= 0.45  # 138 N clamped, of 140 N allowed
     assert limits.tool_speed <= 0.8
     assert limits.near_height >= 0.09

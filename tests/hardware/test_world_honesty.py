@@ -23,11 +23,12 @@ from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Command
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import plant as plant_module
 from hardware.sim.plant.plant import Plant
 from hardware.sim.process.settings import WorldSettings, stand_pieces
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.table import TableSettings
 
 SOURCES = sorted(Path(hardware.sim.__file__).parent.rglob("*.py"))
 PIECES = start_layout(chess.Board(), TableSettings())

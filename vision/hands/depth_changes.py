@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 from vision.arrays import Array, Field, Mask, Picture
 from vision.hands.arm_mask import Capsules
 from vision.hands.watched_zone import Space

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hardware.interfaces import Intrinsics
-from hardware.table import PIECE_SHAPES
+from hardware.piece_set import PIECE_SHAPES
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView, playing_area
 

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place
+from hardware.piece_set import PIECE_SHAPES, Colour
+from hardware.table import PieceSpec, Place
 from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from hardware.piece_set import PIECE_SHAPES, Kind, piece_profile
 from vision.arrays import Array, Picture
 from vision.board.view import BoardView
 from vision.pieces.surface import Surface

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from hardware.piece_set import PIECE_SHAPES, Kind, piece_profile
 from vision.arrays import Array, Field, Mask
 from vision.board.view import BoardView
 

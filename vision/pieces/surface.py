@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES
+from hardware.piece_set import PIECE_SHAPES
 from vision.arrays import Field, Whole
 from vision.board.view import BoardView, playing_area
 

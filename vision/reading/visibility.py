@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from hardware.piece_set import PIECE_SHAPES, Kind, piece_profile
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView
 

@@ -8,7 +8,8 @@ from typing import Final
 import cv2
 import numpy as np
 
-from hardware.table import Colour, Kind, Place
+from hardware.piece_set import Colour, Kind
+from hardware.table import Place
 from vision.arrays import Array, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.fit import Fit

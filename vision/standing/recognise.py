@@ -20,11 +20,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from hardware.interfaces import Frame
-from hardware.table import Colour, Kind, Look, PieceSpec, Place, square_place
+from hardware.piece_set import Colour, Kind, Look
+from hardware.table import PieceSpec, Place, square_place
 from vision.arrays import Array
 from vision.board.view import BoardView
-from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
+from vision.pieces.misplaced import around_board
 from vision.standing.hiding import hiding_places, pawns_at, pixels_of
 from vision.standing.recognised_set import RecognisedPiece, RecognisedSet
 from vision.standing.sightings import TOPS, Sighting, Sightings, kind_cost, rough_sightings, sightings_of, together

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hardware.table import Look, Place
+from hardware.piece_set import Look
+from hardware.table import Place
 
 
 @dataclass(frozen=True, slots=True)

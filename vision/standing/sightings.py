@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import PieceSpec, Place
 from vision.arrays import Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.fit import TALL, Fit

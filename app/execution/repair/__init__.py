@@ -1,7 +1,7 @@
 """What to do about a board that is not as it should be: put right what is sure, ask people for the rest.
 
-``observed`` is what the camera reports, ``belief`` finds which pieces must stand there, ``swaps`` doubts it where two
-moves would look the same, and ``diagnosis`` says what the arm does and what a person has to. With depth,
+``observed`` is what the camera reports, ``belief`` finds which pieces must stand there, and doubts it where two
+moves would look the same, ``diagnosis`` says what the arm does and what a person has to. With depth,
 ``by_sight`` comes first: it finds which piece each of all that is seen to stand is. Pure: nothing here looks or
 moves.
 """

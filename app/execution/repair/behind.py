@@ -10,8 +10,8 @@ from app.pieces.inventory import Inventory
 from hardware.interfaces import Frame
 from hardware.table import square_place
 from vision.board.view import BoardView
-from vision.pieces.fallen import around_board
 from vision.pieces.fit import Fit
+from vision.pieces.misplaced import around_board
 from vision.standing.hiding import hiding_places
 
 

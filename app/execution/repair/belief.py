@@ -25,7 +25,8 @@ from scipy.spatial.distance import cdist
 
 from app.execution.repair.observed import FLUKE, Chances
 from app.pieces.layout import kind_of
-from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, TableSettings, square_place
 
 Array = NDArray[np.float64]
 

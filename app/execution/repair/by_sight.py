@@ -26,7 +26,8 @@ from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask
 from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
-from hardware.table import PIECE_SHAPES, Colour, Kind, Look, PieceSpec, Place, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind, Look
+from hardware.table import PieceSpec, Place, square_place
 from vision.pieces.verify import Fault, FaultKind
 from vision.standing.sightings import Sighting, Sightings, kind_cost
 

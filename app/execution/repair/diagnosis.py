@@ -13,7 +13,8 @@ from app.execution.repair.belief import Belief, believe, doubted
 from app.execution.repair.observed import KNOWN, BoardObservation
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point, rearrange
-from hardware.table import Colour, Kind, PieceSpec, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, square_place
 from vision.pieces.verify import TOLERANCE
 
 SEEN_WITHIN: Final = 0.75

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from app.pieces.inventory import Inventory
 from app.pieces.layout import PIECE_TYPES
 from app.pieces.order import Point
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
+from hardware.table import PieceSpec, square_place
 from vision.pieces.centres import Centre
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE

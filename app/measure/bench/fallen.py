@@ -22,15 +22,16 @@ from app.motion import MotionSettings, Plan, PlanRefused
 from app.motion.plan import InTheWay
 from app.pieces.inventory import Inventory, Transfer
 from controller.protocol import CommandCode
+from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import SceneState
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
-from vision.pieces.fallen import find_misplaced
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
+from vision.pieces.misplaced import find_misplaced
 
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}  # by ``quick``; every other piece knocked over, the others lost from the fingers

@@ -20,7 +20,7 @@ from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
 from controller.protocol.causes import explain
 from controller.protocol.states import State
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.finger_world import RADIUS, Finger, build_finger_world, finger_force
 from hardware.sim.plant.plant import Plant
@@ -29,8 +29,8 @@ from hardware.table import TableSettings
 SEED: Final = 1
 TRIALS: Final = {True: 40, False: 200}  # by ``quick``
 PROFILES: Final = {
-    "default": (ContactLimits(), 140.0),
-    "gentle": (ContactLimits(tool_speed=0.4, downward_speed=0.22), 70.0),
+    "default": (ContactSpeeds(), 140.0),
+    "gentle": (ContactSpeeds(tool_speed=0.4, downward_speed=0.22), 70.0),
 }
 """Speeds, and the largest force that a finger may feel [N]."""
 RELEASED: Final = 10.0  # a finger that feels so much has been met; it must feel less … [N]
@@ -83,7 +83,7 @@ def on_the_board(parameters: RobotParameters, random: np.random.Generator) -> Fi
 KINDS: Final = {"free": in_the_air, "clamped": on_the_board}
 
 
-def meet(trial: FingerTrial, limits: ContactLimits) -> Felt:
+def meet(trial: FingerTrial, limits: ContactSpeeds) -> Felt:
     """Carry a trial out, as fast as the profile's limits let it.
 
     Raises:
@@ -114,7 +114,7 @@ def meet(trial: FingerTrial, limits: ContactLimits) -> Felt:
     return Felt(float(felt.max()), freed, float(felt[round(WITHIN / tick) :].max()), resting)
 
 
-def _speed(trial: FingerTrial, limits: ContactLimits) -> float:
+def _speed(trial: FingerTrial, limits: ContactSpeeds) -> float:
     """As the planner has it: slower where a move goes down near the board [m/s]."""
     way = trial.end - trial.start
     down = -float(way[2]) / float(np.linalg.norm(way))
@@ -143,7 +143,7 @@ def finger_bench(quick: bool, progress: Progress) -> BenchReport:
     return BenchReport.of("finger", SEED, rows)
 
 
-def _trials(kind: str, count: int, limits: ContactLimits) -> list[Felt]:
+def _trials(kind: str, count: int, limits: ContactSpeeds) -> list[Felt]:
     """So many trials in which the finger was met; a random move that misses it is drawn again."""
     random = np.random.default_rng([SEED, list(KINDS).index(kind)])
     found: list[Felt] = []

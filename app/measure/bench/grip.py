@@ -22,8 +22,9 @@ from app.motion.timing.reference import Bounds, dwell, join, line, to_samples
 from app.pieces.inventory import Inventory, Stage, Transfer
 from controller.protocol import Result
 from controller.protocol.causes import explain
+from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7
 SHAKEN: Final = {True: 3, False: 12}  # by ``quick``

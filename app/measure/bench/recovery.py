@@ -27,10 +27,11 @@ from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
+from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
 from hardware.sim.process.settings import END_FILE
-from hardware.table import Colour, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 
 SEED: Final = 31
 LOSSES: Final = {True: 2, False: 100}

@@ -26,11 +26,12 @@ from app.records import PlyEvent
 from app.terminal.interface import UserInterface
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import HardwareError
+from hardware.piece_set import Colour
 from hardware.referee import PiecePose
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
-from hardware.table import Colour, Place, TableSettings, square_place
+from hardware.table import Place, TableSettings, square_place
 
 ACTS: Final = 8  # of the person, in a game
 BETWEEN: Final = (0.35, 0.65)  # a piece that is put half on a square stands so far on the way to the next one [squares]

@@ -9,10 +9,10 @@ from types import MappingProxyType
 from pydantic import JsonValue
 
 from app import UserError
-from app.measure.figures.admittance import figure_5
 from app.measure.figures.encoder import encoder
-from app.measure.figures.game import figure_9
-from app.measure.figures.grasp_figures import figure_6, figure_7
+from app.measure.figures.figure_5_admittance import figure_5
+from app.measure.figures.figure_6_7_grasp import figure_6, figure_7
+from app.measure.figures.figure_9_game import figure_9
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
 from app.measure.figures.result import FigureResult, Progress, save

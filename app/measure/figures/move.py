@@ -15,15 +15,16 @@ from pydantic import JsonValue
 from app import UserError
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_limits
+from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_speeds
 from app.motion.path import Vector
 from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.players.given_line import parse_line
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 
 MOVE: Final = "e2e4"
 AXES: Final = (("z₁", WITHOUT), ("z₂", GREY), ("z₃", WITH))
@@ -45,7 +46,7 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):
         progress(f"planning {board.san(chosen)}, {profile.value}")
-        plans[profile] = _, plan, _ = plan_ply(board, chosen, PROFILES[profile], contact_limits(profile), 0.008)
+        plans[profile] = _, plan, _ = plan_ply(board, chosen, PROFILES[profile], contact_speeds(profile), 0.008)
         name = profile.value.replace("-", "_")
         for quantity, worst in _shares(plan, PROFILES[profile]).items():
             bars[f"{name}_{quantity}"] = Bar(worst, "of the bound", high=1.0 + TOLERANCE)
@@ -57,7 +58,7 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
 
 
 def plan_ply(
-    board: chess.Board, move: chess.Move, settings: MotionSettings, limits: ContactLimits, finger: float
+    board: chess.Board, move: chess.Move, settings: MotionSettings, limits: ContactSpeeds, finger: float
 ) -> tuple[Ply, Plan, Inventory]:
     """A ply from home, planned with the fingers open so far [m]; and what stands on board and trays before it."""
     table = TableSettings(limits=limits)

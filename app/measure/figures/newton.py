@@ -16,7 +16,7 @@ from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import load_parameters
 
 POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
@@ -40,7 +40,7 @@ def fast_way() -> Vector:
     """The tool's way in a fast ply, shape (n, 3), one row a tick, base frame [m]."""
     settings = MotionSettings(speed=SPEED, acceleration=ACCELERATION, jerk=JERK)
     board, move = chess.Board(POSITION), chess.Move.from_uci(MOVE)
-    _, plan, _ = plan_ply(board, move, settings, ContactLimits(tool_speed=SPEED), 0.01)
+    _, plan, _ = plan_ply(board, move, settings, ContactSpeeds(tool_speed=SPEED), 0.01)
     return np.concatenate([samples["position"] for samples in until_guard(plan, grips=False)])
 
 

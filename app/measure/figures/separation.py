@@ -12,7 +12,7 @@ from app.measure.figures.drawing import axes, board_map, label, picture, table_g
 from app.measure.figures.result import Bar, FigureResult, Progress
 from app.motion.timing.reference import Vector
 from app.rig.simulation.nominal_view import nominal_view
-from hardware.contact_limits import CONTACT_PROFILES, ContactLimits
+from hardware.contact_speeds import CONTACT_PROFILES, ContactSpeeds
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.table import TableSettings
 
@@ -26,7 +26,7 @@ def separation(progress: Progress) -> FigureResult:
     """Draw it for the simulated rig's own camera, and say what distances belong to it."""
     progress("looking where a hand comes from")
     table = TableSettings(limits=CONTACT_PROFILES["separation"])
-    fast, slow = table.limits.tool_speed, ContactLimits().tool_speed
+    fast, slow = table.limits.tool_speed, ContactSpeeds().tool_speed
     aside = reach(LATENCY, INTERVAL, fast, slow)
     view = nominal_view(colour_intrinsics(640, 480), table).beside(depth_intrinsics(GLANCE), LEFT_IMAGER)
     planes, grid = borders(view, aside), table_grid(table)

@@ -22,7 +22,8 @@ from controller.model.workspace import (
     working_heights,
 )
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 
 MARGIN = 0.04  # what is drawn around squares and trays [m]
 

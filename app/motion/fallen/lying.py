@@ -13,7 +13,8 @@ import numpy as np
 
 from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
-from hardware.table import PIECE_SHAPES, Kind, TableSettings, piece_profile, square_place
+from hardware.piece_set import PIECE_SHAPES, Kind, piece_profile
+from hardware.table import TableSettings, square_place
 
 _DISCS: Final = 6
 """A piece that lies is kept clear of as so many discs along its axis."""

@@ -16,7 +16,7 @@ from app.motion.path import Vector
 from app.motion.timing.reference import eased
 from hardware.frozen import FrozenFinite
 from hardware.parameters import Pads
-from hardware.table import PieceShape
+from hardware.piece_set import PieceShape
 
 _BAR: Final = 0.006
 """Half the width of a finger's bar, across the finger axis [m]; its other sides are the pad's."""

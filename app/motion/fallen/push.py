@@ -23,7 +23,8 @@ from app.motion.plan import Motion, Plan
 from app.motion.planner import Planner
 from app.motion.route import Route
 from hardware.parameters import Pads
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 
 _TIPS: Final = (0.004, 0.009, 0.014)
 """So far above the board the fingers' tips go [m], the lowest way first: at that, a board that is 3 mm too high is not

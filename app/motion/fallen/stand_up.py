@@ -24,7 +24,7 @@ from app.motion.plan import InTheWay, Motion, Plan
 from app.motion.planner import Planner
 from app.motion.route import Route
 from app.motion.timing.reference import eased
-from hardware.table import PIECE_SHAPES
+from hardware.piece_set import PIECE_SHAPES
 
 _USUAL: Final = PivotSettings()
 _UPRIGHT: Final = 0.025

@@ -31,7 +31,7 @@ from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import RoundShown
 from app.records.files import RecordError
 from app.terminal.shown import View
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 KEPT: Final = 200
 """Of what was said and done last."""

@@ -13,7 +13,8 @@ from app.pieces.inventory import Inventory, InventoryError, Stage, Transfer
 from app.pieces.manipulation import IllegalPly, NoSpare, transfers
 from app.records.events import AnyEvent, EndEvent, PlyEvent, SideEvent, StartEvent
 from app.records.history import RecordState, transfer_of
-from hardware.table import Colour, PieceSpec, Place, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import PieceSpec, Place, TableSettings
 
 UNDECIDED: Final = "*"
 """The result of a game that is not over, as in PGN."""

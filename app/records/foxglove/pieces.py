@@ -12,7 +12,8 @@ from app.pieces.inventory import Inventory, InventoryError, Stage, Transfer
 from app.pieces.manipulation import transfers
 from app.records.events import AnyEvent, StartEvent, StepEvent
 from app.records.history import RecordState, transfer_of
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, Place, TableSettings
 
 
 @dataclass(frozen=True, slots=True)

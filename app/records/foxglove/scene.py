@@ -38,7 +38,7 @@ from controller.model.constants import DeltaModel
 from controller.model.reach import PoseError
 from controller.protocol.messages import Telemetry
 from hardware.interfaces import Triple
-from hardware.table import PIECE_SHAPES
+from hardware.piece_set import PIECE_SHAPES
 
 FRAMES_TOPIC: Final = "/tf"
 FIXED_TOPIC: Final = "/tf_static"

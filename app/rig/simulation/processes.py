@@ -61,9 +61,16 @@ def last_words(log: Path) -> str | None:
 
 def run_world(run_dir: Path) -> int:
     """The simulated world until it is no longer needed; exit status."""
-    from hardware.sim.process.server import world_of
+    from hardware.sim.process.settings import load_settings
 
-    world_of(run_dir).run()
+    if load_settings(run_dir).drives is None:
+        from hardware.sim.process.server import world_of
+
+        world_of(run_dir).run()
+    else:
+        from hardware.sim.emulated.process import run_emulated
+
+        run_emulated(run_dir)
     return 0
 
 

@@ -15,10 +15,11 @@ from app.settings.tree import RigSection
 from controller.protocol.key import KEY_FILE
 from controller.settings import ANY_PORT
 from hardware.interfaces import Pace
+from hardware.piece_set import Colour
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import AS_A_LAB
 from hardware.sim.process.settings import WorldOptions, WorldSettings
-from hardware.table import Colour, TableSettings
+from hardware.table import TableSettings
 
 FAST_TELEMETRY: Final = 45
 """Pace fast: telemetry comes each so many ticks, 25 times a second of plant time, together with a film's frames. In

@@ -28,11 +28,11 @@ from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot
 from hardware.sim.process.settings import END_FILE, keep_settings
-from hardware.table import PIECE_SHAPES
 
 _AHEAD = 10
 """So far a record may be ahead of a world's state that is written aside [ticks]."""

@@ -80,6 +80,21 @@ def _rod_inertia(mass: float, length: float) -> list[float]:
     return [across, 1e-3 * across, across]
 
 
+def _add_link(proximal: mujoco.MjsBody, parameters: RobotParameters, arm: int) -> None:
+    """Mass, centre and inertia of a proximal link: a uniform bar, unless the arm's own numbers are known.
+
+    About a fixed axis mass and centre show in their product alone: the bar is one that has this product and the inertia
+    about the axis.
+    """
+    inertia, length = parameters.inertia, parameters.geometry.proximal_length
+    mass = inertia.proximal_mass
+    if parameters.arms is not None:
+        own = parameters.arm(arm)
+        about = own.hinge_inertia - inertia.rotor_inertia
+        mass, length = 4.0 / 3.0 * own.proximal_moment**2 / about, 1.5 * about / own.proximal_moment
+    _inertial(proximal, mass, (0.0, length / 2.0, 0.0), _rod_inertia(mass, length))
+
+
 def _capsule(body: mujoco.MjsBody, start: list[float], end: list[float], radius: float, rgba: list[float]) -> None:
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=[radius, 0, 0], rgba=rgba,
@@ -95,20 +110,17 @@ def _add_leg(base: mujoco.MjsBody, parameters: RobotParameters, arm: int) -> Non
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[-0.045, g.base_radius, 0.0, 0.035, g.base_radius, 0.0],
         size=[0.028, 0, 0], rgba=[0.25, 0.26, 0.28, 1.0], contype=0, conaffinity=0, mass=0.0,
     )  # fmt: skip
-    proximal = mount.add_body(name=f"proximal{arm + 1}", pos=[0.0, g.base_radius, 0.0])
-    _inertial(
-        proximal, m.proximal_mass, (0.0, g.proximal_length / 2.0, 0.0), _rod_inertia(m.proximal_mass, g.proximal_length)
-    )
+    proximal, own = mount.add_body(name=f"proximal{arm + 1}", pos=[0.0, g.base_radius, 0.0]), parameters.arm(arm)
+    _add_link(proximal, parameters, arm)
     proximal.add_joint(
         name=f"servo{arm + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0], armature=m.rotor_inertia,
-        damping=parameters.friction.viscous, frictionloss=parameters.friction.coulomb,
+        damping=own.viscous, frictionloss=own.coulomb,
         solref_friction=list(FRICTION_SOLREF), solimp_friction=list(CLOSURE_SOLIMP),
     )  # fmt: skip
     _capsule(proximal, [0, 0, 0], [0, g.proximal_length, 0], 0.012, [0.75, 0.76, 0.78, 1.0])
     distal = proximal.add_body(name=f"distal{arm + 1}", pos=[0.0, g.proximal_length, 0.0])
-    _inertial(
-        distal, m.distal_pair_mass, (0.0, g.distal_length / 2.0, 0.0), _rod_inertia(m.distal_pair_mass, g.distal_length)
-    )
+    rods = own.distal_pair_mass
+    _inertial(distal, rods, (0.0, g.distal_length / 2.0, 0.0), _rod_inertia(rods, g.distal_length))
     distal.add_joint(name=f"universal{arm + 1}a", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
     distal.add_joint(name=f"universal{arm + 1}b", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     distal.add_site(name=f"rod_end{arm + 1}", pos=[0.0, g.distal_length, 0.0], rgba=[0, 0, 0, 0])

@@ -17,9 +17,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.piece_set import Colour
 from hardware.sim.bodies.arm import TOOL_BITS
 from hardware.sim.bodies.finger_world import MASS, STIFFNESS
-from hardware.table import Colour
 
 NAME: Final = "hand"
 SENSOR: Final = "hand_force"

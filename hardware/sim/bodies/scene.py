@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
+from hardware.piece_set import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape
 from hardware.sim.bodies.arm import (
     SCENE_BITS,
     TOOL_BITS,
@@ -32,7 +33,7 @@ from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
 from hardware.sim.render.shapes import COARSE
-from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
+from hardware.table import TableSettings
 from hardware.turned_shapes import turned_mesh
 
 FOOT_SIDE = 0.85

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, NonNegativeFloat, TypeAdapter
 
 from hardware.frozen import FrozenFinite
-from hardware.table import Colour
+from hardware.piece_set import Colour
 
 REACH: Final = 0.36
 """Furthest point from the board's centre along x and y [m]: beyond the trays, and no further."""

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.sight import TableView
-from hardware.table import Colour
 
 CLEARANCE: Final = 0.010
 """What is carried passes so far above what stands below [m]."""

@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from hardware.piece_set import Colour, PieceShape
 from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
 from hardware.sim.hand.sight import SeenPiece, TableView
-from hardware.table import Colour, PieceShape
 
 SQUEEZE: Final = 0.0035
 """Fingers are asked to close so much further than the piece lets them; times their stiffness it is the force [m]."""

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.piece_set import PIECE_SHAPES, Kind, PieceShape
 from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, HandPose, finger_bones
-from hardware.table import PIECE_SHAPES, Kind, PieceShape
 
 Point = tuple[float, float]
 UPRIGHT: Final = 0.30

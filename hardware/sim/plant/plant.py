@@ -150,8 +150,8 @@ class Plant:
         if switches == self._switches:
             return
         self._switches = switches
-        drive, friction = self.parameters.drive, self.parameters.friction
-        coulomb = friction.coulomb * self._flaws.friction
+        drive = self.parameters.drive
+        coulomb = np.array([self.parameters.arm(number).coulomb for number in range(3)]) * self._flaws.friction
         self.model.dof_frictionloss[self._servo_v] = drive.brake_torque + coulomb if brake else coulomb
 
     def _trip(self, cause: int) -> None:

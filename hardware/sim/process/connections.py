@@ -7,7 +7,7 @@ import contextlib
 import json
 import select
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,16 +78,21 @@ class Visitors:
         self._visitors: dict[int, Visitor] = {}
         self._numbers = [self._door.fileno()]
 
-    def listen(self, timeout: float) -> None:
+    def listen(self, timeout: float, also: Sequence[int] = ()) -> bool:
         """Handle everything that is there, or wait up to ``timeout`` for something to come [s].
 
-        It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds.
+        It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds. ``also`` are numbers of
+        other open files that end the wait; the result says whether one of them has something to read.
         """
-        for number in select.select(self._numbers, (), (), timeout)[0]:
-            if number == self._numbers[0]:
+        others = False
+        for number in select.select([*self._numbers, *also], (), (), timeout)[0]:
+            if number in also:
+                others = True
+            elif number == self._numbers[0]:
                 self._open()
             elif number in self._visitors:
                 self._hear(self._visitors[number])
+        return others
 
     def close(self) -> None:
         """End all connections and take the door away."""

@@ -32,6 +32,8 @@ class Construction(NamedTuple):
         """Draw a world; raises ``ParametersError`` if the robot's parameters cannot be read."""
         one = settings
         parameters = load_parameters(one.parameters_file)
+        if one.drives is not None:
+            parameters = one.drives.robot(parameters)
         return cls(one, draw(one.randomisation, one.seed, one.pieces, one.table, parameters, one.light, one.camera))
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, NonNegativeFloat
 
 from hardware.frozen import FrozenFinite
-from hardware.parameters import RobotParameters
+from hardware.parameters import OneArm, RobotParameters
 from hardware.sim.bodies.placed import BoardOffset, StandingPiece
 from hardware.sim.plant.imperfections import PERFECT, Imperfections
 from hardware.sim.render.appearance import CameraSettings, LightSettings
@@ -45,6 +45,12 @@ class Randomisation(FrozenFinite):
     """… and is turned [rad]."""
     robot_mass: Share = 0.0
     """Each part of the arm weighs more or less than the controller believes."""
+    arm_mass: Share = 0.0
+    """Each proximal link and each distal pair weighs more or less by itself …"""
+    arm_inertia: Share = 0.0
+    """… has more or less inertia than its mass would have it, and its centre elsewhere by half of that …"""
+    arm_friction: Share = 0.0
+    """… and its shaft more or less viscous and dry friction, each by itself."""
     devices: Imperfections = PERFECT
     """Amplifiers, shafts, tactile sensors."""
     light_brightness: Share = 0.0
@@ -115,7 +121,8 @@ def draw(
     board, robot, lamp, view = (np.random.default_rng([seed, group]) for group in range(1, 5))
     shift = np.array([ranges.board_shift, ranges.board_shift, ranges.board_height]) * board.uniform(-1.0, 1.0, 3)
     return Draw(
-        stand(ranges, seed, pieces, table), weighed(ranges.robot_mass, parameters, robot),
+        stand(ranges, seed, pieces, table),
+        uneven(ranges, weighed(ranges.robot_mass, parameters, robot), np.random.default_rng([seed, 5])),
         BoardOffset(_triple(shift), float(ranges.board_turn * board.uniform(-1.0, 1.0))),
         _lit(ranges, light, lamp), _hung(ranges, camera, view),
     )  # fmt: skip
@@ -142,8 +149,37 @@ def weighed(share: float, parameters: RobotParameters, rng: np.random.Generator)
     inertia = parameters.inertia
     masses = ("proximal_mass", "distal_pair_mass", "flange_mass", "gripper_body_mass", "finger_mass")
     factors = 1.0 + share * rng.uniform(-1.0, 1.0, len(masses))
-    real = {name: getattr(inertia, name) * factor for name, factor in zip(masses, factors.tolist(), strict=True)}
-    return parameters.model_copy(update={"inertia": inertia.model_copy(update=real)})
+    by = dict(zip(masses, factors.tolist(), strict=True))
+    real = parameters.model_copy(
+        update={"inertia": inertia.model_copy(update={name: getattr(inertia, name) * by[name] for name in masses})}
+    )
+    if parameters.arms is None:
+        return real
+    link, rods, rotor = by["proximal_mass"], by["distal_pair_mass"], inertia.rotor_inertia
+    return real.with_arms([
+        OneArm(
+            rotor + link * (one.hinge_inertia - rotor), link * one.proximal_moment, rods * one.distal_pair_mass,
+            one.viscous, one.coulomb,
+        )
+        for one in map(parameters.arm, range(3))
+    ])  # fmt: skip
+
+
+def uneven(ranges: Randomisation, parameters: RobotParameters, rng: np.random.Generator) -> RobotParameters:
+    """The robot with three arms that are not alike; the same where no range says so."""
+    if not (ranges.arm_mass or ranges.arm_inertia or ranges.arm_friction):
+        return parameters
+    rotor, arms = parameters.inertia.rotor_inertia, []
+    for number in range(3):
+        one = parameters.arm(number)
+        link, rods = (1.0 + ranges.arm_mass * rng.uniform(-1.0, 1.0, 2)).tolist()
+        about, centre = (1.0 + ranges.arm_inertia * np.array([1.0, 0.5]) * rng.uniform(-1.0, 1.0, 2)).tolist()
+        viscous, coulomb = (1.0 + ranges.arm_friction * rng.uniform(-1.0, 1.0, 2)).tolist()
+        arms.append(OneArm(
+            rotor + link * about * (one.hinge_inertia - rotor), link * centre * one.proximal_moment,
+            rods * one.distal_pair_mass, viscous * one.viscous, coulomb * one.coulomb,
+        ))  # fmt: skip
+    return parameters.with_arms(arms)
 
 
 def _lit(ranges: Randomisation, light: LightSettings, rng: np.random.Generator) -> LightSettings:

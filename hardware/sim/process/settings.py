@@ -5,6 +5,8 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
+from hardware.drives.moteus.settings import MoteusSettings
+from hardware.drives.settings import DriveSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import LINGER, SEED, HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
@@ -62,6 +64,11 @@ class WorldSettings(WorldOptions):
     """Tool point at the start, base frame [m]."""
     table: TableSettings = TableSettings()
     parameters_file: Path = DEFAULT_FILE
+    drives: DriveSettings | None = None
+    """On which bus the robot's drives are: that has a period, a watchdog and encoders of its own. None: the drives are
+    those of the parameters."""
+    moteus: MoteusSettings | None = None
+    """The controllers of a moteus bus that are emulated; None: there are none."""
     first_controller: NonNegativeFloat = 90.0
     """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
 

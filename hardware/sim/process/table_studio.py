@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import JOINTS, HandPose, add_hand
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
@@ -25,7 +26,7 @@ from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intri
 from hardware.sim.render.quality import FILM
 from hardware.sim.render.renderer import RenderRequest, Sensor
 from hardware.sim.render.still import VIEW, StillRenderer
-from hardware.table import Colour, PieceSpec, TableSettings
+from hardware.table import PieceSpec, TableSettings
 
 _AWAY = -1.0
 """Height at which pieces that are not wanted are kept, far below the table [m]."""

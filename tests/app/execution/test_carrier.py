@@ -27,7 +27,7 @@ from app.rig.arm import ArmAtRest, ArmStopped, Outcome
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

@@ -38,7 +38,7 @@ from app.rig.board import BoardRig
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE

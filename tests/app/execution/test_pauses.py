@@ -30,7 +30,8 @@ from app.rig.arm import ArmAtRest, ArmGaveWay, ArmPaused, ArmStopped, Outcome
 from app.terminal.interface import UserInterface
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
-from hardware.table import Kind, TableSettings
+from hardware.piece_set import Kind
+from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 CLOSED = closed_position(Kind.PAWN, PARAMETERS.pads)

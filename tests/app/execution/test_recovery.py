@@ -13,7 +13,8 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmAtRest
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()
 PARAMETERS = load_parameters()

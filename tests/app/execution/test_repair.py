@@ -20,7 +20,8 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import colour_of, start_layout
 from app.pieces.manipulation import NoSpare, transfers
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.centres import Centre
 from vision.pieces.verify import Fault, FaultKind
 

@@ -15,10 +15,11 @@ from app.pieces.layout import start_layout
 from app.play.hand_moves import hand_transfers
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 HOME = np.array(MOTION.home)

@@ -14,8 +14,9 @@ from app.motion.plan import Plan, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Place, TableSettings
-from vision.pieces.pose_search import MisplacedPiece
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import Place, TableSettings
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()

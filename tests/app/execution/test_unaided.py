@@ -12,7 +12,7 @@ from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_sight, toppled, whereabouts
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.standing.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()

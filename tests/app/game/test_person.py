@@ -14,7 +14,8 @@ from app.pieces.layout import start_layout
 from app.players.commands import HandVerb, MoveHand, Word
 from app.players.person import Human, PersonGone
 from hardware.interfaces import HardwareError
-from hardware.table import Colour, Kind, Place, TableSettings
+from hardware.piece_set import Colour, Kind
+from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()
 STANDS = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from app.guard.separation import EDGE, GRACE, HAND_SPEED, TOOL_SIZE, Separation, borders, nearest_beyond, reach
 from app.rig.simulation.nominal_view import nominal_view
 from controller.loop.playback import CHANGE
-from hardware.contact_limits import CONTACT_PROFILES
+from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.table import TableSettings
 from vision.hands.stillness import Seen

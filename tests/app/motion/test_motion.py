@@ -23,7 +23,8 @@ from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind, Place, TableSettings, square_place
+from hardware.piece_set import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind
+from hardware.table import Place, TableSettings, square_place
 from hardware.turned_shapes import KNIGHT_HEAD
 
 PARAMETERS = load_parameters()

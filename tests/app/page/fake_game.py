@@ -36,7 +36,8 @@ from app.records.game import GameRecord
 from app.settings.tree import PageSection
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown, View
 from hardware.interfaces import Pace
-from hardware.table import Colour, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import TableSettings
 from tests.app.page.fake_controller import FakeController
 
 TABLE = TableSettings()

@@ -22,7 +22,7 @@ from app.terminal.interface import Together, UserInterface
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Pace
-from hardware.table import Colour
+from hardware.piece_set import Colour
 from tests.waiting import PATIENCE, until
 
 

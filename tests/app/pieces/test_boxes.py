@@ -30,8 +30,9 @@ from app.terminal.interface import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.referee import PiecePose, Truth
-from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, Place, TableSettings, square_place
+from hardware.table import Captured, Place, TableSettings, square_place
 
 PARAMETERS = load_parameters()
 TABLE = TableSettings(captured=Captured.BOX)

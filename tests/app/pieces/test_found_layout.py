@@ -9,7 +9,8 @@ import pytest
 from app.measure.bench.vision.positions import random_board
 from app.pieces.found_layout import found_layout
 from app.pieces.layout import start_layout
-from hardware.table import Captured, Colour, Kind, Place, TableSettings
+from hardware.piece_set import Colour, Kind
+from hardware.table import Captured, Place, TableSettings
 
 TABLE = TableSettings()
 

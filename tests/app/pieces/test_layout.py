@@ -19,7 +19,8 @@ from app.pieces.layout import (
     physical_set,
     start_layout,
 )
-from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()
 

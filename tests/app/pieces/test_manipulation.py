@@ -11,7 +11,8 @@ import pytest
 from app.pieces.inventory import Inventory, InventoryError, MoveKind, Ply, Transfer, expected
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import IllegalPly, NoSpare, move_kind, transfers
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 
 TABLE = TableSettings()
 KINGS = "4k3/8/8/8/8/8/8/4K3 w - - 0 1"

@@ -21,7 +21,8 @@ from app.pieces.manipulation import NoSpare, transfers
 from app.pieces.order import NowhereAside, rearrange
 from app.pieces.position import PiecesMissing, PlacesMissing, arranged, set_up
 from hardware.parameters import load_parameters
-from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.piece_set import Colour, Kind
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 
 TRAYS, BOXES = TableSettings(), TableSettings(captured=Captured.BOX)
 SEEDS = st.integers(min_value=0, max_value=2**32)

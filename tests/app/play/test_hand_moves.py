@@ -8,8 +8,9 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
+from hardware.piece_set import Colour, Kind
 from hardware.sim.hand.actions import Move
-from hardware.table import Colour, Kind, Place, TableSettings
+from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()
 

@@ -27,9 +27,10 @@ from controller.wire.address import find_controller
 from controller.wire.listener import TelemetryWatch
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Hover, Withdraw
-from hardware.table import Colour, TableSettings
+from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 BOARD = chess.Board()

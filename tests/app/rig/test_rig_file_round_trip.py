@@ -14,9 +14,10 @@ from app.rig.rig_file import RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.rig.simulation.settings import own_rig, world_settings
 from app.settings.toml import ConfigError
 from hardware.interfaces import Pace
+from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.render.appearance import CameraSettings, LightSettings, MountSettings
-from hardware.table import Captured, Colour, TableSettings
+from hardware.table import Captured, TableSettings
 
 METRES = st.floats(-0.05, 0.05)
 WORLDS = st.builds(

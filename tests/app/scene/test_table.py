@@ -9,7 +9,8 @@ import pytest
 
 from app.scene.solids import Finish
 from app.scene.table import COARSE, board_solids, piece_outline, piece_solids
-from hardware.table import PIECE_SHAPES, Colour, Kind, TableSettings, piece_profile, square_place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind, piece_profile
+from hardware.table import TableSettings, square_place
 
 
 @pytest.mark.parametrize("side", [0.040, 0.050])

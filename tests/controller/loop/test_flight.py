@@ -352,6 +352,26 @@ def test_a_lost_client_leaves_a_flight_and_the_controller_goes_on(launch: Launch
         assert another.execute(line(AWAY, HOME, 400)).end_tick > flight["tick"][-1]
 
 
+def test_a_client_may_ask_for_what_is_in_memory(launch: Launch, line: Line) -> None:
+    """Once is enough, however often it is asked for; and nothing went wrong, so nothing is called a flight."""
+    running = launch()
+    with running.client() as client:
+        done = client.execute(line(HOME, AWAY, 400))
+        client.record()
+        client.record()
+        until(lambda: bool(list(running.directory.glob("record-*.npz"))))
+        client.shutdown()
+    assert running.join() == 0
+    (path,) = running.directory.glob("record-*.npz")
+    record = load_flight(path)
+    assert record.head.triggers == ()
+    assert not record.head.abnormal
+    assert record.head.orders[-1].order is CommandCode.RECORD
+    assert set(range(done.first_tick, done.end_tick)) <= set(record["tick"].tolist())
+    assert int(path.stem.split("-")[1]) == record["tick"][-1]
+    assert list(running.directory.glob("flight-*")) == []
+
+
 def test_an_orderly_end_leaves_none(launch: Launch, line: Line) -> None:
     running = launch()
     with running.client() as client:

@@ -24,7 +24,7 @@ from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetr
 from controller.protocol.states import BRAKED, Event, State
 from controller.records.loop_statistics import LoopStatistics
 from controller.settings import ControllerSettings
-from hardware.contact_limits import CONTACT_PROFILES
+from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.interfaces import DriveStatus
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

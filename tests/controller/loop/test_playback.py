@@ -20,7 +20,7 @@ from controller.protocol.layout import DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
-from hardware.contact_limits import CONTACT_PROFILES
+from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -102,7 +102,7 @@ def poses(count: int) -> list[tuple[FloatArray, FloatArray]]:
 
 def test_inertia_of_an_arm_is_that_of_its_mass_points() -> None:
     for q, _ in poses(20):
-        m11, m12, m13, m22, m33 = arm_inertia(MODEL.constants, *q)
+        m11, m12, m13, m22, m33 = arm_inertia(MODEL.constants, 0, *q)
         closed = np.array([[m11, m12, m13], [m12, m22, 0.0], [m13, 0.0, m33]])
         np.testing.assert_allclose(closed, numeric_inertia(q), rtol=0, atol=1e-15)
 
@@ -114,7 +114,7 @@ def test_coriolis_torque_of_an_arm_follows_from_its_energy() -> None:
         slopes = [(numeric_inertia(q + step * u) - numeric_inertia(q - step * u)) / (2 * step) for u in np.eye(3)]
         rate = sum(slope * vk for slope, vk in zip(slopes, v, strict=True))
         expected = rate @ v - 0.5 * np.array([v @ slope @ v for slope in slopes])
-        closed = arm_coriolis(MODEL.constants, tuple(q.tolist()), tuple(v.tolist()))
+        closed = arm_coriolis(MODEL.constants, 0, tuple(q.tolist()), tuple(v.tolist()))
         np.testing.assert_allclose(closed, expected, rtol=0, atol=1e-9)
 
 
@@ -124,7 +124,7 @@ def test_gravity_of_an_arm_is_the_slope_of_its_potential() -> None:
             -STANDARD_GRAVITY * sum(m * p[2].imag for m, p in mass_points(q + 1j * COMPLEX_STEP * u)) / COMPLEX_STEP
             for u in np.eye(3)
         ]
-        np.testing.assert_allclose(arm_gravity(MODEL.constants, *q), expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(arm_gravity(MODEL.constants, 0, *q), expected, rtol=0, atol=1e-14)
 
 
 def test_constraint_jacobian_and_drift_against_finite_differences() -> None:
@@ -250,6 +250,6 @@ def test_energy_of_an_arm_is_that_of_its_mass_points() -> None:
         return -STANDARD_GRAVITY * sum(m * p[2].real for m, p in mass_points(q))
 
     for q, v in poses(20):
-        kinetic, height = arm_energy(MODEL.constants, tuple(q.tolist()), tuple(v.tolist()))
+        kinetic, height = arm_energy(MODEL.constants, 0, tuple(q.tolist()), tuple(v.tolist()))
         assert kinetic == pytest.approx(kinetic_energy(q, v), rel=1e-12)
         assert height == pytest.approx(potential(q) - potential(zero), abs=1e-12)

@@ -23,8 +23,11 @@ from controller.model.constants import STANDARD_GRAVITY, DeltaModel
 from controller.offline import constrained
 from controller.offline.simulation import ArmMotion, ConstrainedArm
 from hardware.parameters import load_parameters
+from hardware.sim.process.randomisation import Randomisation, uneven
 
-PARAMETERS = load_parameters()
+PARAMETERS = uneven(
+    Randomisation(arm_mass=0.2, arm_inertia=0.2, arm_friction=0.5), load_parameters(), np.random.default_rng(3)
+)
 PAYLOAD = 0.03
 MODEL = DeltaModel(PARAMETERS, PAYLOAD)
 STATES = 1000
@@ -59,11 +62,16 @@ def twin() -> Twin:
         shoulder = np.array([0.0, g.base_radius - g.flange_radius, g.gripper_height])
         place = pin.SE3(pin.utils.rotate("z", angle), np.zeros(3)) * pin.SE3(np.eye(3), shoulder)
         servo = model.addJoint(0, pin.JointModelRX(), place, f"servo{arm}")
-        model.appendBodyToJoint(servo, rod(i.proximal_mass, g.proximal_length, i.rotor_inertia), pin.SE3.Identity())
+        own = PARAMETERS.arm(arm)
+        about = own.hinge_inertia - i.rotor_inertia
+        centre = np.array([0.0, 0.6 * g.proximal_length, 0.0])
+        mass = own.proximal_moment / centre[1]
+        link = pin.Inertia(mass, centre, np.diag([own.hinge_inertia - mass * centre[1] ** 2, 0.0, about]))
+        model.appendBodyToJoint(servo, link, pin.SE3.Identity())
         elbow = pin.SE3(np.eye(3), np.array([0.0, g.proximal_length, 0.0]))
         first = model.addJoint(servo, pin.JointModelRX(), elbow, f"universal{arm}a")
         second = model.addJoint(first, pin.JointModelRZ(), pin.SE3.Identity(), f"universal{arm}b")
-        model.appendBodyToJoint(second, rod(i.distal_pair_mass, g.distal_length), pin.SE3.Identity())
+        model.appendBodyToJoint(second, rod(own.distal_pair_mass, g.distal_length), pin.SE3.Identity())
         end = np.array([0.0, g.distal_length, 0.0])
         model.appendBodyToJoint(second, pin.Inertia(third, end, np.zeros((3, 3))), pin.SE3.Identity())
         joints.append(second)

@@ -21,7 +21,8 @@ from controller.model.workspace import (
 from controller.offline import constrained
 from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Kind, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import TableSettings
 
 MODEL = DeltaModel(load_parameters())
 DRIVE = MODEL.parameters.drive

@@ -15,8 +15,9 @@ from app.commissioning.marker_survey import Setup, showing_points
 from app.motion import MotionSettings
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.bodies.marker import marker_picture
-from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 from vision.board.view import playing_area
 from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
 from vision.camera.marker import find_marker

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from app.measure.bench.vision.calibration import random_looks, random_mount, random_position
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
+from hardware.piece_set import Colour, Kind, piece_profile
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import MountSettings, SceneState
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres

@@ -9,12 +9,13 @@ from app.measure.bench.vision.games import Scene, open_studio
 from app.measure.bench.vision.positions import random_board
 from app.pieces.layout import start_layout
 from app.rig.simulation.nominal_view import nominal_view
+from hardware.piece_set import Colour
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import Colour, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardView, playing_area
-from vision.pieces.fallen import around_board
 from vision.pieces.fit import Fit
+from vision.pieces.misplaced import around_board
 from vision.standing.hiding import hiding_places
 
 TABLE = TableSettings()

@@ -13,8 +13,9 @@ import pytest
 from app.measure.bench.vision.games import Scene, open_studio
 from app.measure.bench.vision.positions import random_board, recognised
 from app.pieces.layout import colour_of, kind_of, physical_set, start_layout
+from hardware.piece_set import Colour, Kind
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import Colour, Kind, Place, TableSettings, square_place
+from hardware.table import Place, TableSettings, square_place
 from vision.standing.recognise import recognise
 
 TABLE = TableSettings()

@@ -10,12 +10,13 @@ import pytest
 
 from app.measure.bench.vision.games import Scene, open_studio
 from app.pieces.layout import start_layout
+from hardware.piece_set import PIECE_SHAPES, Colour
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import PIECE_SHAPES, Colour, TableSettings
+from hardware.table import TableSettings
 from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardView
-from vision.pieces.fallen import around_board
+from vision.pieces.misplaced import around_board
 from vision.standing.sightings import sightings_of
 
 TABLE = TableSettings()

@@ -12,10 +12,11 @@ from app.motion import PROFILES, Motion, MotionSettings, Planner, Profile
 from app.pieces.inventory import Inventory, Stage, Transfer
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.touchdown_world import FELT_STIFFNESS, WOOD_STIFFNESS, board_force, build_touchdown_world
 from hardware.sim.plant.plant import Plant
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 
 FELT, WOOD = FELT_STIFFNESS, WOOD_STIFFNESS
 SOURCE, TARGET = square_place(27), square_place(36)

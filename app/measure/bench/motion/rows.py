@@ -17,14 +17,15 @@ from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
 from app.measure.bench.motion.optimum import NoOptimum, optimal_duration
 from app.measure.bench.motion.torques import worst_rms
 from app.measure.bench.report import BenchReport, Progress, Row, row
-from app.motion import PROFILES, Motion, MotionSettings, Profile, contact_limits
+from app.motion import PROFILES, Motion, MotionSettings, Profile, contact_speeds
 from app.motion.path import STRAIGHT, Path, blend, turns
 from app.motion.settings import Law
 from app.motion.timing.time_law import Bounds, bounds_of_pieces, time_law
 from app.pieces.inventory import MoveKind
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
-from hardware.table import Kind, TableSettings, square_place
+from hardware.piece_set import Kind
+from hardware.table import TableSettings, square_place
 
 SEED: Final = 1
 TRANSFERS: Final = {Profile.DEFAULT: 500, Profile.FAST: 150, Profile.GENTLE: 60}
@@ -56,7 +57,7 @@ def motion_bench(quick: bool, progress: Progress) -> BenchReport:
     failures: list[str] = []
     for profile, transfers in (QUICK if quick else TRANSFERS).items():
         progress(f"profile {profile.value}: {transfers} transfers in the world")
-        games = Games(transfers, PROFILES[profile], TableSettings(limits=contact_limits(profile)), DISORDER, SEED)
+        games = Games(transfers, PROFILES[profile], TableSettings(limits=contact_speeds(profile)), DISORDER, SEED)
         failures += games.failures
         rows |= _rows_of(profile, games)
         if profile is Profile.DEFAULT:

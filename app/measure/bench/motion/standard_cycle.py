@@ -23,7 +23,7 @@ from app.measure.bench.beds.bed import Bed, straight
 from app.measure.bench.beds.parts import Part, time_by_part
 from app.measure.bench.motion.torques import WINDOW, worst_rms
 from app.measure.bench.report import BenchReport, Progress, Row, row
-from app.motion import PROFILES, MotionSettings, Plan, Profile, contact_limits
+from app.motion import PROFILES, MotionSettings, Plan, Profile, contact_speeds
 from app.motion.arcs import Arc, Workcell, over
 from app.motion.obstacles import Crowd
 from app.motion.path import Vector
@@ -37,18 +37,19 @@ from controller.model.constants import DeltaModel
 from controller.model.kinematics import inverse_kinematics
 from controller.protocol import Result
 from controller.protocol.causes import explain
-from hardware.contact_limits import ContactLimits
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 
 RISE: Final = 0.025  # [m]
 ACROSS: Final = 0.305  # [m]
 KILOGRAM: Final = 1.0  # [kg]
 FASTEST: Final = 2.5  # of the tool; the profiles' contact limits are for where people are [m/s]
-TABLE: Final = TableSettings(limits=ContactLimits(tool_speed=FASTEST))
+TABLE: Final = TableSettings(limits=ContactSpeeds(tool_speed=FASTEST))
 GAME: Final = PROFILES[Profile.FAST].model_copy(update={"lift": RISE, "swing": 0.0, "swing_down": 0.0})
 A3: Final = square_place(16)
 H6: Final = square_place(47)
@@ -337,7 +338,7 @@ def with_grasps() -> dict[str, Row]:
     """There and back in profile fast with all that a game does at both ends: the fingers close and open, the king is
     set down until it stands.
     """
-    bed = _bed(KING, TableSettings(limits=contact_limits(Profile.FAST)))
+    bed = _bed(KING, TableSettings(limits=contact_speeds(Profile.FAST)))
     plan, tick, parts = _there_and_back(bed), bed.parameters.drive.tick, Counter[Part]()
     for motion, followed in bed.continued(plan):
         begun = bed.supervisor.measurement.tick

@@ -14,8 +14,9 @@ import numpy as np
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.games import BoardReader, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
+from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import examine_board
 from vision.reading.diagnosis import explain

@@ -20,10 +20,11 @@ from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
+from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
-from hardware.table import Colour, Place, TableSettings, square_place
+from hardware.table import Place, TableSettings, square_place
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient

@@ -24,7 +24,7 @@ from app.guard.arm_silhouette import ArmHistory
 from app.guard.game_guard import LATENCY
 from app.guard.hand_guard import ArmMasks, HandGuard, Listener
 from app.guard.separation import Separation
-from app.motion import PROFILES, Profile, contact_limits
+from app.motion import PROFILES, Profile, contact_speeds
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.rig.rig_file import WorldSection
@@ -63,7 +63,7 @@ class HandScene:
     """
 
     def __init__(self, run_dir: Path, seed: int, person: HandSettings | None) -> None:
-        self.table = TableSettings(limits=contact_limits(Profile.SEPARATION))
+        self.table = TableSettings(limits=contact_speeds(Profile.SEPARATION))
         self.motion, self.parameters = PROFILES[Profile.SEPARATION].at(self.table), load_parameters()
         self.inventory = Inventory.of(start_layout(chess.Board(), self.table), self.table)
         world = WorldSection(pace=Pace.FAST, seed=seed, hand=person, randomisation=LOOKS, linger=1.0)

@@ -28,11 +28,11 @@ from app.rig.arm import ArmGaveWay, ArmHeld
 from controller.protocol.causes import Cause
 from controller.protocol.states import State
 from controller.wire.errors import MotionRefused, MotionStopped
-from hardware.contact_limits import CONTACT_PROFILES
+from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.interfaces import HardwareError
+from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
-from hardware.table import Colour
 from vision.hands.stillness import Watch
 
 SEED: Final = 11

@@ -24,9 +24,9 @@ from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene,
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
+from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw
-from hardware.table import Colour
 from vision.hands.stillness import Seen, Watch
 from vision.reading.observer import Observation
 from vision.reading.outcome import ReadingOutcome

@@ -20,7 +20,8 @@ from app.motion.timing.time_law import Bounds, time_law
 from app.pieces.inventory import MoveKind
 from controller.protocol import Guard, Result
 from hardware.parameters import load_parameters
-from hardware.table import Kind, TableSettings
+from hardware.piece_set import Kind
+from hardware.table import TableSettings
 
 PARAMETERS, TABLE, DEFAULT = load_parameters(), TableSettings(), PROFILES[Profile.DEFAULT]
 

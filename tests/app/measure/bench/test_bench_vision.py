@@ -19,7 +19,8 @@ from app.measure.bench.vision.games import (
     trouble_rows,
 )
 from app.measure.bench.vision.photos import photo_folder
-from hardware.table import Colour, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import TableSettings
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.figures.admittance import OMEGA, POINT, closed_loop, curve, decibel, figure_5, swept
-from app.measure.figures.grasp import effective_mass
+from app.measure.figures.figure_5_admittance import OMEGA, POINT, closed_loop, curve, decibel, figure_5, swept
+from app.measure.figures.grasp_model import effective_mass
 from controller.model.constants import DeltaModel
 from hardware.parameters import load_parameters
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.figures.grasp import (
+from app.measure.figures.figure_6_7_grasp import Grasps, bars, both_grasps, figure_7, study
+from app.measure.figures.grasp_model import (
     BRISTLE,
     PACE,
     PLACE,
@@ -21,7 +22,6 @@ from app.measure.figures.grasp import (
     run_mujoco,
     sliding,
 )
-from app.measure.figures.grasp_figures import Grasps, bars, both_grasps, figure_7, study
 from controller.law.tactile import grip_force
 from controller.model.constants import DeltaModel
 from controller.offline.simulation import ConstrainedArm, Moment
@@ -129,7 +129,7 @@ def test_mujoco_repeats_to_the_bit(grasps: Grasps) -> None:
 
 @pytest.mark.slow
 def test_figure_7_shows_start_and_ends(grasps: Grasps, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.measure.figures.grasp_figures.both_grasps", lambda _progress: grasps)
+    monkeypatch.setattr("app.measure.figures.figure_6_7_grasp.both_grasps", lambda _progress: grasps)
     result = figure_7(print)
     assert result.holds
     assert len(result.pictures[""].axes) == 6

@@ -25,11 +25,12 @@ from app.motion.planner import fits_around
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
-from vision.pieces.pose_search import MisplacedPiece
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()

@@ -21,10 +21,11 @@ from app.motion.timing.reference import eased
 from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
 TICK = PARAMETERS.drive.tick

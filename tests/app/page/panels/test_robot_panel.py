@@ -19,7 +19,8 @@ from app.scene.arm import arm_joints
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import Place, TableSettings
 from tests.app.page.panels.site import PanelSite, chromium, panel, served, until
 
 pytestmark = pytest.mark.slow

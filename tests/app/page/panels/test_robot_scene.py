@@ -13,7 +13,8 @@ from app.page.robot_scene import robot_scene
 from app.scene.arm import arm_joints
 from controller.model.constants import DeltaModel
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Captured, Kind, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import Captured, Place, TableSettings
 
 TICK = 0.00088
 

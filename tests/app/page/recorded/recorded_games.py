@@ -13,7 +13,8 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import NoSpare, transfers
 from app.records.events import GameSetup, PlyOutcome, Purpose
 from app.records.game import GameRecord
-from hardware.table import Colour, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import TableSettings
 
 TABLE = TableSettings()
 DONE = PlyOutcome(planned=1.5, real=1.6, peak_torque=2.0, physical_ok=True)

@@ -21,7 +21,8 @@ from app.records.events import read_events
 from app.records.files import EVENTS_FILE, RecordError
 from app.records.robot import RobotRecord, keep_robot
 from hardware.parameters import load_parameters
-from hardware.table import Captured, Colour, TableSettings
+from hardware.piece_set import Colour
+from hardware.table import Captured, TableSettings
 from tests.app.page.recorded.recorded_games import PARTS, TABLE, RecordedGame
 
 SHOWN = RoundShown("id", 2, sets_up=False, person=Colour.WHITE)

@@ -41,7 +41,8 @@ from controller.protocol.layout import TELEMETRY
 from controller.protocol.messages import Telemetry
 from hardware.interfaces import Triple
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
+from hardware.piece_set import PIECE_SHAPES, Kind
+from hardware.table import Place, TableSettings
 from tests.app.played_game import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
 
 TICK = 0.00088

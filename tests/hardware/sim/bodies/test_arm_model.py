@@ -16,10 +16,11 @@ from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.bodies.arm import GRIPPER_BODY_CLEARANCE, inverse_kinematics
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
+from hardware.table import TableSettings, square_place
 
 PARAMETERS = load_parameters()
 CENTRE = np.array([0.0, 0.0, 0.40])

@@ -15,10 +15,11 @@ from pydantic import ValidationError
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit, seated
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import LINING, build_model, camera_poses, deck_half_size
 from hardware.sim.plant.plant import Plant
-from hardware.table import BOX_ZONES, PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings
+from hardware.table import BOX_ZONES, Captured, PieceSpec, Place, TableSettings
 
 TABLE = TableSettings(captured=Captured.BOX)
 PARAMETERS = load_parameters()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.contact_stiffness import (
     FOOT_ON_BOARD,
     PAD_ON_PIECE,
@@ -20,7 +21,7 @@ from hardware.sim.bodies.contact_stiffness import (
 from hardware.sim.bodies.mujoco_contact import Contact
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 
 PARAMETERS = load_parameters()
 TICK = PARAMETERS.drive.tick

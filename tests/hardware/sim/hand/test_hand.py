@@ -18,6 +18,7 @@ from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, Triple
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour, Kind
 from hardware.referee import PiecePose
 from hardware.sim.bodies.finger_world import MASS, STIFFNESS, Finger, build_finger_world, finger_force
 from hardware.sim.bodies.hand import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
@@ -41,7 +42,7 @@ from hardware.sim.hand.routines import HandFailed, Routines
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
 from hardware.sim.process.settings import WorldSettings, stand_pieces
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
+from hardware.table import PieceSpec, Place, TableSettings
 
 TABLE = TableSettings()
 PARAMETERS = load_parameters()

@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.hand.actions import REACH
 from hardware.sim.hand.motion import PEAK, Program, Sketch
 from hardware.sim.hand.plan import Person, grip_height, held_now
 from hardware.sim.hand.sight import SeenPiece, TableView
-from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings
+from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()
 HOME = np.array([0.0, -0.075, 0.145])

@@ -18,6 +18,7 @@ import pytest
 from pydantic import ValidationError
 
 from hardware.interfaces import Command, DriveStatus, HardwareError
+from hardware.piece_set import Colour, Kind
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.clients.hand import HandRefused, SimHand
@@ -25,7 +26,7 @@ from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
+from hardware.table import PieceSpec, Place, TableSettings
 from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()

@@ -12,11 +12,12 @@ from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.tick import REST_SPEED, REST_TICKS
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()
 PARAMETERS = load_parameters()

@@ -15,6 +15,7 @@ from app.pieces.layout import start_layout
 from app.rig.rig_file import load_randomisation
 from app.settings.toml import ConfigError
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.bodies.placed import BoardOffset
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.imperfections import Imperfections
@@ -22,7 +23,7 @@ from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Draw, Randomisation, draw
 from hardware.sim.process.settings import WorldSettings
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.table import TableSettings
 
 TABLE, PARAMETERS = TableSettings(), load_parameters()
 PIECES = start_layout(chess.Board(), TABLE)

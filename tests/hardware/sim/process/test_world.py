@@ -20,6 +20,7 @@ import pytest
 
 from hardware.interfaces import BusLost, Command, DriveStatus, HardwareError, Measurement, Pace, StaleFrame
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
@@ -32,7 +33,7 @@ from hardware.sim.process.pacing import CATCH_UP, Pacer
 from hardware.sim.process.server import world_of
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
-from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()

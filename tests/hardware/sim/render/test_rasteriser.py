@@ -14,6 +14,7 @@ import pytest
 from mujoco.rendering.classic import gl_context
 
 from hardware.parameters import load_parameters
+from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.settings import stand_pieces
@@ -23,7 +24,7 @@ from hardware.sim.render.lamps import KEY_LAMPS, set_lamps
 from hardware.sim.render.quality import FILM, LOOK, PictureQuality
 from hardware.sim.render.rasteriser import HIDDEN_GROUP, Rasteriser
 from hardware.sim.render.shapes import shape_of
-from hardware.table import Colour, TableSettings
+from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
 
 WIDTH, HEIGHT = 640, 480

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, label, picture
-from app.measure.figures.grasp import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
+from app.measure.figures.grasp_model import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import Pair, admittance
 from controller.law.task_space import pack_reference

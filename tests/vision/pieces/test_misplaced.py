@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from app.pieces.layout import start_layout
+from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece as Put
 from hardware.sim.process.table_studio import TableStudio
 from hardware.sim.render.appearance import SceneState
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.pieces.fallen import find_misplaced
-from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.lying_or_standing import MisplacedPiece
+from vision.pieces.misplaced import find_misplaced
 from vision.pieces.poses import Pose, _profile, drawn, off_surface
 
 TABLE = TableSettings()

@@ -17,9 +17,9 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-import app.measure.figures.grasp as soft_grasp
+import app.measure.figures.grasp_model as soft_grasp
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
-from app.measure.figures.grasp import Block, Grasp, Run, effective_mass, run_dae, run_mujoco, sliding, views
+from app.measure.figures.grasp_model import Block, Grasp, Run, effective_mass, run_dae, run_mujoco, sliding, views
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel

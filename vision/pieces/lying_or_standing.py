@@ -16,7 +16,8 @@ from typing import Final
 import cv2
 import numpy as np
 
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
+from hardware.table import PieceSpec, Place
 from vision.arrays import Field, Mask
 from vision.board.view import BoardView
 from vision.pieces.fit import FLAT, Fit

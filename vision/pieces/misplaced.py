@@ -1,7 +1,7 @@
 """Where pieces are that do not stand where they should: lying, or standing somewhere else; and which ones.
 
 Which pieces stand as expected is known from ``vision.pieces.fit``. What else looks like a piece is explained by the
-missing ones (``vision.pieces.pose_search``).
+missing ones (``vision.pieces.lying_or_standing``).
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from typing import Final
 import numpy as np
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, PieceSpec, Place
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import PieceSpec, Place
 from vision.arrays import Field, Mask
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of
 from vision.pieces.fit import Fit
-from vision.pieces.pose_search import MisplacedPiece, PoseSearch
+from vision.pieces.lying_or_standing import MisplacedPiece, PoseSearch
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE

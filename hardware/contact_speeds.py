@@ -9,7 +9,7 @@ from pydantic import PositiveFloat
 from hardware.frozen import FrozenFinite
 
 
-class ContactLimits(FrozenFinite):
+class ContactSpeeds(FrozenFinite):
     """How fast the tool may move where it can meet a hand or a piece.
 
     Source: force measurements with the full arm against a 75 N/mm, 0.6 kg finger; ISO/TS 15066 allows 140 N
@@ -24,11 +24,11 @@ class ContactLimits(FrozenFinite):
     near_height: PositiveFloat = 0.090
 
 
-CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
-    "default": ContactLimits(),
-    "gentle": ContactLimits(tool_speed=0.4, downward_speed=0.22),
-    "fast": ContactLimits(tool_speed=1.5),
-    "separation": ContactLimits(tool_speed=1.5, shared_tool_speed=ContactLimits().tool_speed),
+CONTACT_PROFILES: Final[Mapping[str, ContactSpeeds]] = MappingProxyType({
+    "default": ContactSpeeds(),
+    "gentle": ContactSpeeds(tool_speed=0.4, downward_speed=0.22),
+    "fast": ContactSpeeds(tool_speed=1.5),
+    "separation": ContactSpeeds(tool_speed=1.5, shared_tool_speed=ContactSpeeds().tool_speed),
 })  # fmt: skip
 """By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger),
 ``separation`` as fast where and while nobody is seen, else as the default."""

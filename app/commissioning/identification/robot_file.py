@@ -1,0 +1,86 @@
+"""The parameters file of an identified robot: the form that ``hardware.parameters`` reads, and a word on each value."""
+
+from __future__ import annotations
+
+import tomllib
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from app.commissioning.identification.estimation import Estimate, Identification
+from app.records.files import write_atomically
+from app.settings.toml import toml_value
+from hardware.parameters import RobotParameters
+
+_MOVING: Final = ("flange_mass", "gripper_body_mass", "finger_mass")
+_SHARED: Final = "identified with all that moves with the tool; how it is shared out is assumed"
+_OVERRULED: Final = "assumed; [arms] counts for more"
+_SOURCES: Final = {
+    "hinge_inertia": ("A", "B"), "proximal_moment": ("E", "B"), "distal_pair_mass": ("B",), "viscous": ("viscous",),
+    "coulomb": ("coulomb",),
+}  # fmt: skip
+"""Of which estimates each of the arms' values is made."""
+
+
+def robot_text(found: Identification, made: datetime, how: str) -> str:
+    """The file.
+
+    Args:
+        found: the robot.
+        made: when.
+        how: on what, for the file's head.
+    """
+    robot = found.parameters
+    untold = [one.name for one in found.estimates if not one.told]
+    lines = [
+        f"# A delta robot as 'touchmove identify' found it, {made.isoformat(timespec='seconds')}, {how}.",
+        "# Values are SI. Bands are half of the 95 % interval. Base parameters (docs/commissioning.md):",
+        *(f"#   {_said(one)}" for one in found.estimates),
+        f"# The data could not tell: {', '.join(untold)}; these are as they were believed before."
+        if untold
+        else "# The data could tell all of them.",
+        "# Torques say what things weigh as far as the torque constants are right: all masses and frictions share",
+        "# their error. Lengths, drives, gripper, pads and marker are not identified: they are as they were.",
+    ]
+    for name, section in robot.model_dump(exclude_none=True).items():
+        lines += ["", f"[{name}]"]
+        lines += [f"{key} = {_number(value)}{_word(found, name, key)}" for key, value in section.items()]
+    return "\n".join(lines) + "\n"
+
+
+def write_robot(path: Path, text: str) -> None:
+    """Write the file; the one before it stays until the new one is whole and was read.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    RobotParameters.model_validate(tomllib.loads(text))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, text)
+
+
+def _said(one: Estimate) -> str:
+    told = "" if one.told else ", not told"
+    return f"{one.name} = {one.value:.6g} ± {one.band:.2g} {one.unit} (believed {one.believed:.6g}{told})"
+
+
+def _number(value: object) -> str:
+    return f"[{', '.join(repr(float(one)) for one in value)}]" if isinstance(value, tuple) else toml_value(value)
+
+
+def _word(found: Identification, section: str, key: str) -> str:
+    """The comment behind a value."""
+    if section == "arms":
+        return f"  # {_told_of_arms(found, key)}"
+    if section == "inertia":
+        return f"  # {_SHARED if key in _MOVING else 'assumed' if key == 'rotor_inertia' else _OVERRULED}"
+    return f"  # {_OVERRULED}" if section == "friction" else ""
+
+
+def _told_of_arms(found: Identification, key: str) -> str:
+    parts = [one for one in found.estimates if one.name.rstrip("123") in _SOURCES[key]]
+    untold = sorted({one.name for one in parts if not one.told})
+    if untold:
+        return f"assumed in part: {', '.join(untold)} could not be told"
+    worst = max(one.band / max(abs(one.value), 1e-12) for one in parts if one.name.startswith(_SOURCES[key][0]))
+    return f"identified, ± {100.0 * worst:.2g} %"

@@ -1,0 +1,80 @@
+"""The answers of one exchange: collected as they come, each put with its controller; lost and damaged ones told."""
+
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from hardware.drives.moteus.adapter import Adapter
+from hardware.drives.moteus.cycle import Controller, Told
+from hardware.drives.moteus.fdcanusb import AdapterLineError
+from hardware.drives.moteus.frames import FrameError
+
+
+class Answered(NamedTuple):
+    """What came of an exchange, for each controller."""
+
+    told: list[Told | None]
+    """None: no answer that can be read."""
+    damage: list[str | None]
+    """What came instead; None: nothing."""
+
+
+class Answers:
+    """Collects answers.
+
+    Args:
+        adapter: where they come from.
+        controllers: in the order of their places.
+        patience: for all of them together [s].
+    """
+
+    def __init__(self, adapter: Adapter, controllers: Sequence[Controller], patience: float) -> None:
+        self._adapter, self._controllers, self._patience = adapter, controllers, patience
+        self._places = {controller.device: place for place, controller in enumerate(controllers)}
+        self._owing = False
+
+    def drop_late(self) -> None:
+        """Forget answers to an exchange before, if one of them was late."""
+        if self._owing:
+            self._adapter.port.drop()
+
+    def collect(self) -> Answered:
+        """All answers, or those that came in time. Raises ``BusLost`` if the adapter is gone."""
+        count = len(self._controllers)
+        told: list[Told | None] = [None] * count
+        damage: list[str | None] = [None] * count
+        missing, until = count, time.monotonic() + self._patience
+        while missing:
+            lines = self._adapter.port.lines(until)
+            for line in lines:
+                missing -= self._put(line, told, damage)
+            if not lines and time.monotonic() >= until:
+                break
+        self._owing = missing > 0
+        return Answered(told, damage)
+
+    def _put(self, line: bytes, told: list[Told | None], damage: list[str | None]) -> int:
+        """Put a line with its controller; how many answers fewer are missing."""
+        try:
+            frame = self._adapter.take(line)
+        except AdapterLineError as error:
+            return self._damaged(str(error), told, damage)
+        if frame is None:
+            return 0
+        place = self._places.get(frame.source)
+        if place is None or told[place] is not None:
+            return 0
+        try:
+            told[place] = self._controllers[place].read(frame.data)
+        except FrameError as error:
+            damage[place] = str(error)
+        return 1
+
+    @staticmethod
+    def _damaged(what: str, told: list[Told | None], damage: list[str | None]) -> int:
+        """A line of which nobody knows whose it is: one of those that are still missing; waiting on is harmless."""
+        for place, one in enumerate(told):
+            if one is None and damage[place] is None:
+                damage[place] = what
+                break
+        return 0

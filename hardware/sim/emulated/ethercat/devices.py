@@ -1,0 +1,161 @@
+"""The slaves of a whole robot on one segment, as ``EmulatedDevices`` behind a raw socket."""
+
+import contextlib
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from hardware.drives.ethercat.presets import MAKERS, Preset
+from hardware.drives.ethercat.settings import ARMS, Device, EtherCatSettings
+from hardware.drives.settings import DriveSettings, JointSettings
+from hardware.parameters import RobotParameters
+from hardware.sim.emulated.ethercat import namespace
+from hardware.sim.emulated.ethercat.clock import SlaveClock
+from hardware.sim.emulated.ethercat.drive import CST, CSV, DriveKind, EmulatedDrive
+from hardware.sim.emulated.ethercat.segment import ETHERTYPE, SlaveChain
+from hardware.sim.emulated.ethercat.sii import Identity
+from hardware.sim.emulated.ethercat.slave import Application, Slave
+from hardware.sim.emulated.ethercat.terminals import AnalogTerminal, Coupler
+from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
+
+_LONGEST_FRAME: Final = 2048
+_GRIPPER_COUNTS: Final = 1 << 20
+_MAKER: Final = Identity(0x0000_07FF, 0x0402, 0x0001_0000, "CiA402")
+"""Of drives that are nobody's: vendor numbers up to 0x7FF are for tests."""
+_MR_J4_TM: Final = Identity(0x0A1E, 0x0201, 0x0002_0002, "MR-J4-20TM")
+
+
+class EtherCatDevices:
+    """A robot's slaves on the cable's far end.
+
+    Attributes:
+        segment: the slaves in their order, and faults of the wire.
+        drives: of the three arms.
+        gripper: its drive.
+        slaves: by what they are.
+    """
+
+    def __init__(
+        self, settings: EtherCatSettings, drives: DriveSettings, robot: RobotParameters, interface: str | None
+    ) -> None:
+        """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``."""
+        self.drives = [
+            EmulatedDrive(_kind(settings.preset, _counts(joint), joint.rated_torque, joint.ratio, robot), CST)
+            for joint in drives.joints
+        ]
+        self.gripper = EmulatedDrive(_kind(settings.gripper_preset, _GRIPPER_COUNTS, None, 1.0, robot), CSV)
+        self.terminal = AnalogTerminal()
+        applications: dict[Device, Application] = {Device.GRIPPER: self.gripper, Device.FORCES: self.terminal}
+        applications.update(zip(ARMS, self.drives, strict=True))
+        began, places = time.monotonic_ns(), len(settings.chain)
+        chain = [
+            Slave(applications.get(device) or Coupler(), SlaveClock(began - 1_234_567 * place, place, places))
+            for place, device in enumerate(settings.chain)
+        ]
+        self.slaves = {device: chain[settings.place(device)] for device in settings.chain}
+        self.segment = SlaveChain(chain)
+        self._period = drives.period
+        self._closing = -1.0 if drives.finger.direction > 0 else 1.0
+        self._closing_speed = 0.0
+        self._due: list[Slave] = []
+        self._heard, self._complete = -1.0, False
+        self._socket = None
+        if interface is not None:
+            self._socket = namespace.raw_socket(interface, ETHERTYPE)
+            self._socket.setblocking(False)
+
+    # EmulatedDevices
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """See ``EmulatedDevices``."""
+        return () if self._socket is None else (self._socket.fileno(),)
+
+    @property
+    def complete(self) -> bool:
+        """See ``EmulatedDevices``."""
+        return self._complete
+
+    @property
+    def heard(self) -> float:
+        """See ``EmulatedDevices``."""
+        return self._heard
+
+    def hear(self) -> None:
+        """See ``EmulatedDevices``."""
+        assert self._socket is not None
+        with contextlib.suppress(BlockingIOError, OSError):  # nothing more, or the cable is pulled
+            while True:
+                frame = bytearray(self._socket.recv(_LONGEST_FRAME))
+                if self.pass_on(frame):
+                    self._socket.send(frame)
+                self.settle()
+
+    def act(self, now: float) -> MotorCommand:
+        """See ``EmulatedDevices``."""
+        nanoseconds = round(now * 1e9)
+        for slave in self.segment.slaves:
+            slave.watch(nanoseconds)
+        self._complete = False
+        one, two, three = self.drives
+        running = [drive.enabled for drive in self.drives]
+        if self.gripper.enabled:
+            speed = self.gripper.speed
+            self._closing_speed = speed if speed * self._closing > 0.0 else 0.0
+        else:
+            speed = self._closing_speed  # a gear that locks itself keeps the grip
+        torque = tuple(drive.torque if drive.enabled else 0.0 for drive in (one, two, three))
+        return MotorCommand(torque, speed, braked=not all(running), powered=any(running))  # type: ignore[arg-type]
+
+    def sense(self, state: MotorState) -> None:
+        """See ``EmulatedDevices``."""
+        for drive, angle, velocity in zip(self.drives, state.angle, state.velocity, strict=True):
+            drive.angle, drive.velocity = angle, velocity
+        moved, self.gripper.angle = state.gripper_angle - self.gripper.angle, state.gripper_angle
+        self.gripper.velocity = moved / self._period
+        self.terminal.volts[:] = state.readings
+        for slave in self.segment.slaves:
+            slave.offer_inputs()
+
+    def close(self) -> None:
+        """See ``EmulatedDevices``."""
+        if self._socket is not None:
+            self._socket.close()
+
+    # frames
+
+    def pass_on(self, frame: bytearray) -> bool:
+        """Let a frame pass through the segment; False: it does not come back. ``settle`` has to follow."""
+        written = self.segment.pass_through(frame, time.monotonic_ns())
+        if written is None:
+            return False
+        self._due = written
+        self._heard = time.monotonic()
+        return True
+
+    def settle(self) -> None:
+        """What the last frame has written acts, now that it is on its way back."""
+        due, self._due = self._due, []
+        if not due:
+            return
+        now = time.monotonic_ns()
+        for slave in due:
+            slave.outputs_written(now)
+        self._complete = True
+        for slave in due:
+            slave.offer_inputs()
+
+
+def _counts(joint: JointSettings) -> int:
+    """Of a motor's turn."""
+    return round((1 << joint.encoder_bits) / joint.ratio)
+
+
+def _kind(preset: Preset, counts: int, rated: float | None, ratio: float, robot: RobotParameters) -> DriveKind:
+    maker = MAKERS[preset]
+    identity = _MR_J4_TM if preset is Preset.MR_J4_TM else _MAKER
+    torque = robot.drive.rated_torque / ratio if rated is None else rated
+    step = maker.velocity_step
+    if step is None:
+        return DriveKind.counting(identity, counts, torque)
+    return DriveKind(identity, counts, torque, step, velocity_limit=maker.velocity_limit is not None)

@@ -1,0 +1,92 @@
+"""Emulated controllers as devices of a plant: three servomotors, the gripper, and the relay of the brakes."""
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from hardware.drives.moteus.registers import Register, analog
+from hardware.drives.moteus.settings import MoteusSettings, PinSettings
+from hardware.sim.emulated.moteus.adapter import EmulatedAdapter
+from hardware.sim.emulated.moteus.controller import EmulatedController
+from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
+
+PORT: Final = "moteus"
+"""Name of the pseudo-terminal's link in the run directory."""
+RELAY_TIME: Final = 0.044
+"""The relay of the brakes lets go when its input has not changed for so long [s]."""
+_GRIPPER: Final = 3
+
+
+class MoteusDevices:
+    """``EmulatedDevices`` of one moteus bus; ``controllers`` are in the order of the settings' ids."""
+
+    def __init__(self, run_dir: Path, settings: MoteusSettings) -> None:
+        self.controllers = [EmulatedController(device) for device in settings.ids]
+        by_id = {controller.device: controller for controller in self.controllers}
+        self._adapter = EmulatedAdapter(run_dir / PORT, by_id)
+        self._relay = None if settings.brakes is None else Relay(by_id[settings.brakes.id], settings.brakes)
+        self._inputs = [(by_id[pin.id], analog(pin.aux, pin.pin)) for pin in settings.forces or ()]
+        self._given: set[int] = set()
+        self._acted = math.nan
+        self.heard = 0.0
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """See ``EmulatedDevices``."""
+        return (self._adapter.number,)
+
+    @property
+    def complete(self) -> bool:
+        """See ``EmulatedDevices``."""
+        return len(self._given) == len(self.controllers)
+
+    def hear(self) -> None:
+        """See ``EmulatedDevices``."""
+        self.heard = time.monotonic()
+        self._given |= self._adapter.serve(self.heard)
+        if self._relay is not None:
+            self._relay.look(self.heard)
+
+    def act(self, now: float) -> MotorCommand:
+        """See ``EmulatedDevices``."""
+        elapsed, self._acted = now - self._acted if math.isfinite(self._acted) else 0.0, now
+        self._given.clear()
+        a, b, c, _ = (controller.act(now, elapsed) for controller in self.controllers)
+        # without brakes an arm that is not driven as a whole is taken to stand on something
+        powered = all(controller.drives for controller in self.controllers[:_GRIPPER])
+        braked = not powered if self._relay is None else not self._relay.feeds(now)
+        return MotorCommand((a, b, c), self.controllers[_GRIPPER].asked_velocity, braked, powered or not braked)
+
+    def sense(self, state: MotorState) -> None:
+        """See ``EmulatedDevices``."""
+        for controller, angle, velocity in zip(self.controllers, state.angle, state.velocity, strict=False):
+            controller.sense(angle, velocity)
+        self.controllers[_GRIPPER].sense(state.gripper_angle, 0.0)
+        for (controller, register), reading in zip(self._inputs, state.readings, strict=False):
+            controller.inputs[register] = reading
+
+    def close(self) -> None:
+        """See ``EmulatedDevices``."""
+        self._adapter.close()
+
+
+class Relay:
+    """Feeds the brakes' coils while an output of a controller changes."""
+
+    def __init__(self, controller: EmulatedController, pin: PinSettings) -> None:
+        self._controller = controller
+        self._register = int(Register.AUX1_OUTPUTS if pin.aux == 1 else Register.AUX2_OUTPUTS)
+        self._bit = 1 << pin.pin
+        self._before, self._changed = 0, -math.inf
+
+    def look(self, now: float) -> None:
+        """See the output."""
+        level = self._controller.outputs[self._register] & self._bit
+        if level != self._before:
+            self._before, self._changed = level, now
+
+    def feeds(self, now: float) -> bool:
+        """Whether it feeds the coils, so that the brakes are open."""
+        return now - self._changed < RELAY_TIME

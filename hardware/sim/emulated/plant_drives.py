@@ -1,0 +1,170 @@
+"""The simulated world behind emulated drives: joints to motors, and one loop for the world and the devices.
+
+A device says what its motor does (torque, or nothing) and whether it holds its brake open; the plant says where the
+motor stands. Scales of ``[drives]`` are applied the other way round than in the driver, so that a wrong one shows.
+"""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple, Protocol
+
+from hardware.drives.joint import FingerScale, JointScale
+from hardware.interfaces import Command, HardwareError, Measurement, Pace, Triple
+from hardware.realtime import exact_timers
+from hardware.sim.emulated.pacing import FollowingPacer, tick_now
+from hardware.sim.process.server import World
+from hardware.sim.process.settings import WorldSettings, load_settings
+
+_IDLE: Final = 0.010
+"""At rest and without a master the plant runs a bunch of ticks each so often [s]."""
+
+
+class MotorCommand(NamedTuple):
+    """What the devices do to the plant in one tick, motors counted as the devices count them."""
+
+    torque: Triple
+    """Of the three servomotors, at the motor's own shaft [N m]; 0 where a device is switched off."""
+    gripper_velocity: float
+    """The gripper's motor is asked for [rad/s]."""
+    braked: bool
+    """Brakes are closed: dry friction on every shaft."""
+    powered: bool
+    """At least one device drives; otherwise the brakes are closed, too."""
+
+
+class MotorState(NamedTuple):
+    """What the plant shows the devices' own sensors."""
+
+    tick: int
+    angle: Triple
+    """Of the servomotors' own shafts [rad]."""
+    velocity: Triple
+    """[rad/s]."""
+    gripper_angle: float
+    """Of the gripper's motor [rad]."""
+    readings: tuple[float, float]
+    """Of the right and left force sensor, in units of their input; 0 where there are none."""
+
+
+class EmulatedDevices(Protocol):
+    """Devices of one bus, as the loop calls them. Nothing here waits."""
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """Open files at which the master's messages come."""
+
+    @property
+    def complete(self) -> bool:
+        """A whole cycle of commands has come since the last tick."""
+
+    @property
+    def heard(self) -> float:
+        """When the master was heard last (``time.monotonic``) [s]."""
+
+    def hear(self) -> None:
+        """Take in what has come, and answer at once."""
+
+    def act(self, now: float) -> MotorCommand:
+        """What the devices do in the coming tick; their watchdogs bite here."""
+
+    def sense(self, state: MotorState) -> None:
+        """The plant has advanced by one tick, or this is the state before the first one."""
+
+    def close(self) -> None:
+        """Give the bus up."""
+
+
+class DrivenWorld(World):
+    """A world in pace real whose drives are devices in its own thread; nobody else gets them.
+
+    It ends at SIGTERM, or when no master was heard for as long as the settings let it be.
+    """
+
+    def __init__(self, run_dir: Path, settings: WorldSettings, devices: EmulatedDevices) -> None:
+        """See ``World``; raises ``ValueError`` in pace fast, in which no bus can run."""
+        if settings.pace is not Pace.REAL or settings.drives is None:
+            raise ValueError("emulated drives need pace real, and the settings of their bus: see [drives]")
+        super().__init__(run_dir, settings)
+        self.hold_drives()
+        self._devices, self._linger, self._first = devices, settings.linger, settings.first_controller
+        self._joints = tuple(JointScale.of(joint) for joint in settings.drives.joints)
+        self._finger = FingerScale.of(settings.drives.finger)
+        self._forces = settings.drives.forces
+        self.plant.tick = max(self.plant.tick, tick_now(settings.drives.period))
+        self._begun = time.monotonic()
+        self._follow = FollowingPacer(settings.drives.period, self._begun)
+        devices.sense(self.state())
+
+    # between motors and joints
+
+    def state(self) -> MotorState:
+        """Where the motors stand."""
+        said: Measurement = self.plant.measure(standing=False)
+        one, two, three = self._joints
+        a, b, c = said.angle
+        va, vb, vc = said.velocity
+        forces = self._forces
+        readings = (0.0, 0.0)
+        if forces is not None:
+            readings = forces[0].reading(said.tactile[0]), forces[1].reading(said.tactile[1])
+        return MotorState(
+            said.tick, (one.motor_angle(a), two.motor_angle(b), three.motor_angle(c)),
+            (one.motor_velocity(va), two.motor_velocity(vb), three.motor_velocity(vc)),
+            self._finger.motor_angle(said.finger_position), readings,
+        )  # fmt: skip
+
+    def drive(self, command: MotorCommand) -> None:
+        """Advance by one tick."""
+        one, two, three = self._joints
+        u, v, w = command.torque
+        asked = Command(
+            (one.torque(u), two.torque(v), three.torque(w)), self._finger.velocity(command.gripper_velocity),
+            command.braked, command.powered, busy=False,
+        )  # fmt: skip
+        self.plant.apply(asked)
+        self._applied = asked
+        self._advance(asked)
+
+    # the loop
+
+    def run(self) -> None:
+        """See ``World.run``."""
+        with exact_timers():
+            super().run()
+
+    def _turn(self) -> None:
+        self._one_turn()
+        heard = self._devices.heard
+        patience = self._linger if heard > self._begun else self._first
+        if time.monotonic() - max(heard, self._begun) > patience:
+            self._ending = True
+
+    def _one_turn(self) -> None:
+        """Hear until a tick is due, and run it."""
+        devices, pacer = self._devices, self._follow
+        early, late = pacer.window
+        while True:
+            now = time.monotonic()
+            until = early if devices.complete else late
+            if self.plant.resting and now - devices.heard > _IDLE:
+                until += _IDLE
+            if until <= now:
+                break
+            if self.listen(until - now, devices.numbers):
+                devices.hear()
+        while True:  # more than one after a rest, or where this process was held up
+            commanded = devices.complete
+            self.drive(devices.act(now))
+            devices.sense(self.state())
+            pacer.ran(now, commanded)
+            if pacer.window[1] > now:
+                break
+
+
+def driven_world_of(run_dir: Path, devices: EmulatedDevices) -> DrivenWorld:
+    """The world of a run directory; ``HardwareError``: its settings or parameters are missing or impossible."""
+    try:
+        return DrivenWorld(run_dir, load_settings(run_dir), devices)
+    except ValueError as error:
+        raise HardwareError(f"this world cannot be made: {error}") from error

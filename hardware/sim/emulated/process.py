@@ -1,0 +1,31 @@
+"""What runs in the process of a world whose drives are emulated."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from hardware.interfaces import HardwareError
+from hardware.sim.emulated.moteus.devices import MoteusDevices
+from hardware.sim.emulated.plant_drives import DrivenWorld, EmulatedDevices, driven_world_of
+from hardware.sim.process.settings import WorldSettings, load_settings
+
+
+def devices_of(run_dir: Path, settings: WorldSettings) -> EmulatedDevices:
+    """The devices that a world's settings name; raises ``HardwareError`` if they name none."""
+    if settings.moteus is not None:
+        return MoteusDevices(run_dir, settings.moteus)
+    raise HardwareError(f"the settings of the world in {run_dir} name no bus to emulate: start it through its rig")
+
+
+@contextlib.contextmanager
+def emulated_world(run_dir: Path) -> Iterator[DrivenWorld]:
+    """The world of a run directory with its devices; raises ``HardwareError`` as ``driven_world_of``."""
+    devices = devices_of(run_dir, load_settings(run_dir))
+    with contextlib.closing(devices):
+        yield driven_world_of(run_dir, devices)
+
+
+def run_emulated(run_dir: Path) -> None:
+    """Run it until it is no longer needed."""
+    with emulated_world(run_dir) as world:
+        world.run()
