@@ -41,8 +41,14 @@ class Run:
         )  # fmt: skip
 
     def wait(self, timeout: float = 240.0) -> tuple[int, str, str]:
+        """Exit status, as a shell tells it, and what was said.
+
+        Where Ctrl-C meets code that Python makes of text, as that of a dataclass, CPython ends a program by the signal
+        itself, whatever became of the exception; to a shell that is 130, too.
+        """
         out, err = self.process.communicate(timeout=timeout)
-        return self.process.returncode, out, err
+        status = self.process.returncode
+        return 128 - status if status == -signal.SIGINT else status, out, err
 
     def signal(self, number: int) -> None:
         self.process.send_signal(number)
