@@ -1,12 +1,19 @@
 """Faults of drives: which device, what is wrong, and the numbers; one sentence for a person."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from hardware.interfaces import DriveStatus, DriveTrouble, status_of
 
 DEVICES: Final = ("the bus", "servomotor 1", "servomotor 2", "servomotor 3", "the gripper", "the force sensors")
 """What a fault can be of, by number."""
+
+
+class Finding(NamedTuple):
+    """What is wrong with a device, and what was seen, with its number and limit."""
+
+    trouble: DriveTrouble
+    detail: str
 
 
 @dataclass(frozen=True, slots=True)

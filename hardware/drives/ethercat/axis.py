@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from hardware.drives.ethercat.cia402 import MODE_TORQUE, DriveState, Wanted, control_word, limited, reset_word, state_of
 from hardware.drives.ethercat.presets import DRIVE_INPUTS, TORQUE_OUTPUTS
+from hardware.drives.faults import Finding
 from hardware.drives.joint import JointScale
 from hardware.drives.rating import TorqueRating
 from hardware.drives.settings import JointSettings, VelocitySource
@@ -38,13 +39,6 @@ class Facts(NamedTuple):
     """At the motor's shaft [N m]."""
     velocity_step: float
     """Unit of its velocities [rad/s]."""
-
-
-class AxisTrouble(NamedTuple):
-    """What is wrong with a drive, and what was seen."""
-
-    kind: DriveTrouble
-    detail: str
 
 
 class ServoAxis:
@@ -91,7 +85,7 @@ class ServoAxis:
         counts = max(-32768, min(32767, round(motor * self._thousandths)))
         return self._pack(self._control, counts, MODE_TORQUE)
 
-    def take(self, inputs: bytes, elapsed: float) -> AxisTrouble | None:
+    def take(self, inputs: bytes, elapsed: float) -> Finding | None:
         """Process data as they came so long after the ones before [s]; what they tell that is wrong."""
         status, position, velocity, torque, self.error = self._unpack(inputs)
         ran, self.state = self.state is DriveState.ENABLED, state_of(status)
@@ -108,7 +102,7 @@ class ServoAxis:
             self._missing = 0.0
         return trouble
 
-    def _watch_encoder(self, angle: float, velocity: float, elapsed: float) -> AxisTrouble | None:
+    def _watch_encoder(self, angle: float, velocity: float, elapsed: float) -> Finding | None:
         if not self._began or elapsed <= 0.0:
             return None
         led = 0.5 * (velocity + self.velocity) * elapsed
@@ -119,12 +113,12 @@ class ServoAxis:
         if off <= most and moved <= farthest:
             return None
         seen, limit = (off, most) if off > most else (moved, farthest)
-        return AxisTrouble(
+        return Finding(
             DriveTrouble.ENCODER_JUMPED,
             f"by {seen:.4f} rad within {elapsed * 1e3:.1f} ms, at most {limit:.4f} rad is possible",
         )
 
-    def _watch_torque(self, given: float, elapsed: float) -> AxisTrouble | None:
+    def _watch_torque(self, given: float, elapsed: float) -> Finding | None:
         off = min(abs(given - asked) for asked in self._asked)
         if off <= UNFOLLOWED * self._rated:
             self._missing = 0.0
@@ -132,7 +126,7 @@ class ServoAxis:
         self._missing += elapsed
         if self._missing < PATIENCE:
             return None
-        return AxisTrouble(
+        return Finding(
             DriveTrouble.TORQUE_NOT_FOLLOWED,
             f"asked for {self._asked[-1]:.2f} N m at the motor, it says {given:.2f} N m, "
             f"for {self._missing * 1e3:.0f} ms",

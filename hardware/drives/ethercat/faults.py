@@ -3,21 +3,20 @@
 from collections.abc import Sequence
 
 from hardware.drives.ethercat import al_status
-from hardware.drives.ethercat.axis import AxisTrouble
 from hardware.drives.ethercat.cia402 import DriveState
 from hardware.drives.ethercat.error_codes import trouble_of, words_of
 from hardware.drives.ethercat.network import Health
 from hardware.drives.ethercat.settings import ARMS, Device
-from hardware.drives.faults import DriveFault
+from hardware.drives.faults import DriveFault, Finding
 from hardware.interfaces import DriveTrouble
 
 NUMBERS = {**{arm: number for number, arm in enumerate(ARMS, 1)}, Device.GRIPPER: 4, Device.FORCES: 5, Device.OTHER: 0}
 """Of devices in a ``DriveFault``."""
 
 
-def of_drive(device: Device, place: int, trouble: AxisTrouble) -> DriveFault:
+def of_drive(device: Device, place: int, finding: Finding) -> DriveFault:
     """What a drive's data tell."""
-    return DriveFault(NUMBERS[device], trouble.kind, f"{trouble.detail}; device {place + 1} on the cable")
+    return DriveFault(NUMBERS[device], finding.trouble, f"{finding.detail}; device {place + 1} on the cable")
 
 
 def of_code(device: Device, place: int, code: int) -> DriveFault:

@@ -9,7 +9,8 @@ mapped.
 - identity 0x0A1E / 0x0201 (MR-J4-20TM), one PDO of each direction with 12 and 14 objects as shipped, 0x2D20 *velocity
   limit value* among them, 0x6502 = 0x03AD (pp, pv, tq, hm, csp, csv, cst): read from a drive, linuxcnc-ethercat #517.
 - torques 0x6071, 0x6077 in 0.1 % of the rated torque, velocity 0x606C in 0.01 r/min, torque limits 0x60E0, 0x60E1,
-  0x6072: manual of SMC's LECSN-T, section 18.5.4.5, whose objects are those of the MR-J4 family.
+  0x6072: manual of SMC's LECSN-T, section 18.5.4.5. Assumed: that drive looks like a sister of the MR-J4, with the
+  same objects.
 
 Not verified, since neither an ESI file nor a drive was at hand: that cst needs 0x2D20 above zero (this preset sets it
 to the speed limit), that 0x603F can be mapped, how SYNC0 has to lie to the frames, and that it reaches OP with any open

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from typing import Final
 
 from hardware.drives.clock import TickClock
-from hardware.drives.faults import DriveFault
+from hardware.drives.faults import DriveFault, Finding
 from hardware.drives.joint import FingerScale, JointScale
 from hardware.drives.moteus.adapter import Adapter
 from hardware.drives.moteus.answers import Answers
 from hardware.drives.moteus.cycle import Told
 from hardware.drives.moteus.fdcanusb import with_check_sum
-from hardware.drives.moteus.health import ControllerWatch, HealthFinding, look_at
+from hardware.drives.moteus.health import ControllerWatch, look_at
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.serial_port import SerialPort
 from hardware.drives.moteus.settings import MoteusSettings
@@ -93,7 +93,6 @@ class MoteusServoBus:
         self._bitten = self._pumped = self._closed = False
         self._clock = TickClock(self.period)
         self._sent = self._answered = math.nan
-        self._longest = self._unsure = 0.0
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``."""
@@ -102,7 +101,7 @@ class MoteusServoBus:
         if not command.enable:
             self.fault, self._bitten = None, False
         elif not math.isfinite(sum(command.torque) + command.finger_velocity):
-            self._fail(0, HealthFinding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
+            self._fail(0, Finding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
         now = self._clock.next()
         before, self._sent = self._sent, now
         elapsed = now - before if math.isfinite(before) else self.period
@@ -201,8 +200,8 @@ class MoteusServoBus:
         heard = self._answers.collect()
         self._answered = time.monotonic()
         # each answer was sampled some time between its question and its arrival
-        self._longest = self._answered - (self._sent - elapsed)
-        self._unsure = self._longest - max(0.0, self._sent - before)
+        longest = self._answered - (self._sent - elapsed)
+        unsure = longest - max(0.0, self._sent - before)
         for part in _PARTS:
             told = heard.told[part]
             if told is None:
@@ -213,7 +212,7 @@ class MoteusServoBus:
                 self._told[part] = told
                 self._look(part, told, command, elapsed)
         for i in _SERVOS:
-            self._move(i, heard.told[i], elapsed)
+            self._move(i, heard.told[i], elapsed, longest, unsure)
 
     def _look(self, part: int, told: Told, command: Command, elapsed: float) -> None:
         """What is wrong with a device that has answered."""
@@ -233,17 +232,18 @@ class MoteusServoBus:
         if finding is not None:
             self._fail(part + 1, finding)
 
-    def _move(self, i: int, told: Told | None, elapsed: float) -> None:
-        """Where a joint is now; one that has not answered, or has jumped, is taken to move on as it did."""
+    def _move(self, i: int, told: Told | None, elapsed: float, longest: float, unsure: float) -> None:
+        """Where a joint is now; one that has not answered, or has jumped, is taken to move on as it did.
+
+        Between two readings at most ``longest`` has passed, and it is not known for ``unsure`` of it when they were.
+        """
         scale, estimate = self._scales[i], self._estimates[i]
         before, speed = self._angles[i], self._velocities[i]
         if told is not None:
             angle, velocity = scale.angle(told.angle), scale.velocity(told.velocity)
             expected = before + 0.5 * (speed + velocity) * elapsed
-            unsure = max(abs(speed), abs(velocity)) * self._unsure
-            jumped = (
-                self._watches[i].encoder(angle - expected, unsure, self._longest) if math.isfinite(before) else None
-            )
+            moved = max(abs(speed), abs(velocity)) * unsure
+            jumped = self._watches[i].encoder(angle - expected, moved, longest) if math.isfinite(before) else None
             if jumped is None or self._tripped:
                 if estimate is not None:
                     velocity = estimate.take(angle, elapsed)
@@ -254,7 +254,7 @@ class MoteusServoBus:
             raise HardwareError(f"{self._name(i)} does not answer the first exchange: see its cable")
         self._angles[i] = before + speed * elapsed
 
-    def _fail(self, device: int, finding: HealthFinding) -> None:
+    def _fail(self, device: int, finding: Finding) -> None:
         """Brake, for what was found first."""
         if self.fault is not None:
             return

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
+from hardware.drives.faults import Finding
 from hardware.drives.moteus.cycle import Told
 from hardware.drives.moteus.registers import Mode, fault_words
 from hardware.drives.moteus.settings import MoteusSettings
@@ -15,26 +16,19 @@ _SLOW_TO_START: Final = 0.5
 """So long a controller may take from its first command to its operating mode [s]; it measures its currents first."""
 
 
-class HealthFinding(NamedTuple):
-    """What is wrong, and what was seen."""
-
-    trouble: DriveTrouble
-    detail: str
-
-
-def look_at(told: Told, temperature_limit: float, settings: MoteusSettings) -> HealthFinding | None:
+def look_at(told: Told, temperature_limit: float, settings: MoteusSettings) -> Finding | None:
     """What a single answer tells."""
     if told.mode == Mode.FAULT:
-        return HealthFinding(_CODES.get(told.code, DriveTrouble.FAULT_CODE), fault_words(told.code))
+        return Finding(_CODES.get(told.code, DriveTrouble.FAULT_CODE), fault_words(told.code))
     if told.temperature >= temperature_limit:
         seen = f"{told.temperature:.0f} °C, at most {temperature_limit:.0f} °C is accepted"
-        return HealthFinding(DriveTrouble.TOO_HOT, seen)
+        return Finding(DriveTrouble.TOO_HOT, seen)
     if told.voltage < settings.lowest_voltage:
         seen = f"{told.voltage:.1f} V, at least {settings.lowest_voltage:.1f} V is accepted"
-        return HealthFinding(DriveTrouble.UNDER_VOLTAGE, seen)
+        return Finding(DriveTrouble.UNDER_VOLTAGE, seen)
     if told.voltage > settings.highest_voltage:
         seen = f"{told.voltage:.1f} V, at most {settings.highest_voltage:.1f} V is accepted"
-        return HealthFinding(DriveTrouble.OVER_VOLTAGE, seen)
+        return Finding(DriveTrouble.OVER_VOLTAGE, seen)
     return None
 
 
@@ -53,7 +47,7 @@ class ControllerWatch:
         self._missing = self._damaged = 0
         self._last_words = ""
 
-    def missed(self, damage: str | None) -> HealthFinding | None:
+    def missed(self, damage: str | None) -> Finding | None:
         """An exchange without an answer; ``damage`` says what came instead."""
         if damage is not None:
             self._damaged += 1
@@ -62,14 +56,14 @@ class ControllerWatch:
         if self._missing <= self._settings.lost_replies:
             return None
         if self._damaged:
-            return HealthFinding(DriveTrouble.WRONG_REPLY, self._last_words)
-        return HealthFinding(DriveTrouble.NO_REPLY, f"{self._missing} exchanges in a row")
+            return Finding(DriveTrouble.WRONG_REPLY, self._last_words)
+        return Finding(DriveTrouble.NO_REPLY, f"{self._missing} exchanges in a row")
 
     def answered(self) -> None:
         """An exchange with an answer."""
         self._missing = self._damaged = 0
 
-    def torque(self, asked: float | None, given: float, code: int, elapsed: float) -> HealthFinding | None:
+    def torque(self, asked: float | None, given: float, code: int, elapsed: float) -> Finding | None:
         """Whether it gives what it was asked for [N m]; None: it was asked for none."""
         if asked is None or abs(asked - given) <= self._allowed:
             self._apart = 0.0
@@ -79,16 +73,16 @@ class ControllerWatch:
             return None
         limited = f"; {fault_words(code)}" if code else ""
         seen = f"{given:.2f} N m instead of {asked:.2f} N m for {1e3 * self._apart:.0f} ms{limited}"
-        return HealthFinding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen)
+        return Finding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen)
 
-    def operates(self, mode: int, wanted: bool, elapsed: float) -> HealthFinding | None:
+    def operates(self, mode: int, wanted: bool, elapsed: float) -> Finding | None:
         """Whether it is in its operating mode, once it should be."""
         self._idle = self._idle + elapsed if wanted and mode != Mode.POSITION else 0.0
         if self._idle <= _SLOW_TO_START:
             return None
-        return HealthFinding(DriveTrouble.NOT_OPERATIONAL, f"mode {mode} instead of {int(Mode.POSITION)}")
+        return Finding(DriveTrouble.NOT_OPERATIONAL, f"mode {mode} instead of {int(Mode.POSITION)}")
 
-    def encoder(self, jump: float, unsure: float, longest: float) -> HealthFinding | None:
+    def encoder(self, jump: float, unsure: float, longest: float) -> Finding | None:
         """Whether a joint is where its mean velocity before and after has taken it.
 
         Args:
@@ -102,4 +96,4 @@ class ControllerWatch:
         if abs(jump) <= accepted:
             return None
         seen = f"{jump:+.4f} rad beyond its own velocity, at most {accepted:.3g} rad is accepted"
-        return HealthFinding(DriveTrouble.ENCODER_JUMPED, seen)
+        return Finding(DriveTrouble.ENCODER_JUMPED, seen)

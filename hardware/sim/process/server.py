@@ -90,9 +90,7 @@ class World:
         self._cameras = CameraService(
             facts, self.plant, self._renderer, run_dir, latency, construction.camera, settings.seed, stage
         )
-        hand = None
-        if settings.hand:
-            hand = Hand(self.plant, settings.hand, settings.pieces, settings.table, settings.seed)
+        hand = Hand(plant, settings.hand, settings.pieces, settings.table, settings.seed) if settings.hand else None
         self._hand = HandService(facts, self.plant, hand)
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {
@@ -105,8 +103,7 @@ class World:
         self._serving: Iterator[None] | None = None
         self._again = False
         self._reported = -1
-        self._missed = 0
-        self._turns = 0
+        self._missed = self._turns = 0
         self._idle, self._longest_idle = 0, round(LONGEST_UNREST / drive.tick)
         self._ending = False
 
