@@ -91,7 +91,9 @@ class MoteusServoBus:
         self._held = [math.nan] * len(_SERVOS)
         self._angles, self._velocities = [math.nan] * len(_SERVOS), [0.0] * len(_SERVOS)
         self._bitten = self._pumped = self._closed = False
+        self._known: tuple[int, DriveTrouble] | None = None
         self._clock = TickClock(self.period)
+        self._tick = self._clock.tick
         self._sent = self._answered = math.nan
 
     def exchange(self, command: Command) -> Measurement:
@@ -103,10 +105,16 @@ class MoteusServoBus:
         elif not math.isfinite(sum(command.torque) + command.finger_velocity):
             self._fail(0, Finding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
         now = self._clock.next()
+        self._tick = self._clock.tick
         before, self._sent = self._sent, now
         elapsed = now - before if math.isfinite(before) else self.period
         saturated = self._send(command, elapsed)
         self._take(command, elapsed)
+        if self.fault is None:
+            self._known = None
+        if self._answered - now > self.period:  # nobody knows in which of these ticks it was measured
+            self._tick = int(self._answered / self.period)
+            self._clock.tick = self._tick + 1
         return self._measurement(command, saturated)
 
     def close(self) -> None:
@@ -260,7 +268,9 @@ class MoteusServoBus:
             return
         name = f"{self._name(device - 1)}: " if device else ""
         self.fault = DriveFault(device, finding.trouble, name + finding.detail)
-        self._tell(self.fault.sentence)
+        if (device, finding.trouble) != self._known:  # one that stays is found again in every exchange
+            self._known = device, finding.trouble
+            self._tell(self.fault.sentence)
 
     def _name(self, part: int) -> str:
         return f"controller {self._settings.ids[part]}"
@@ -273,7 +283,7 @@ class MoteusServoBus:
         gripper = self._told[GRIPPER]
         finger = 0.0 if gripper is None else self._finger.position(gripper.angle)
         return Measurement(
-            self._clock.tick, (a, b, c), (va, vb, vc), finger, self._pads(), self._status(command, saturated)
+            self._tick, (a, b, c), (va, vb, vc), finger, self._pads(), self._status(command, saturated)
         )  # fmt: skip
 
     def _pads(self) -> tuple[float, float]:
