@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.rig.drives import Opener, opener_of, simulated_bus
+from app.rig.drives import Opener, opener_of
 from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
@@ -28,22 +28,25 @@ _ALONE: Final = 15.0
 """How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
 
 
-COMMANDS: Final = {
+_COMMANDS: Final = {
     "world": ("app.cli", "world", "--run-dir"),
     "controller": ("app.cli", "controller", "--run-dir"),
     "simulation": ("app.cli", "world", "--controlled", "--run-dir"),
-    "slaves": ("hardware.sim.emulated.ethercat.process",),
 }
 """Modules, and arguments before the run directory, by which each of a rig's processes runs. A simulation is a world
-with its controller; slaves are a world behind emulated EtherCAT drives, which makes a network before anything else."""
+with its controller."""
+_SLAVES: Final = ("hardware.sim.emulated.ethercat.process",)
+"""A world behind emulated EtherCAT drives: it makes a network before anything else."""
 
 
-def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
-    """Start a process of a run directory, one of ``COMMANDS``; what it says goes to its log there."""
+def spawn(name: str, rig: RigFile) -> subprocess.Popen[bytes]:
+    """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory."""
+    run_dir, drives = rig.run_dir, rig.drives
+    command = _SLAVES if name == "world" and drives.emulated and drives.bus == ETHERCAT else _COMMANDS[name]
     with log_of(name, run_dir).open("ab") as log:
         return subprocess.Popen(
             # -P: a folder of the user's named like one of ours must not come first
-            [sys.executable, "-P", "-m", *COMMANDS[name], str(run_dir)],
+            [sys.executable, "-P", "-m", *command, str(run_dir)],
             stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
         )  # fmt: skip
@@ -108,7 +111,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
 def run_controller(run_dir: Path) -> int:
     """The controller of a run directory until it is shut down; exit status."""
     rig = load_rig(run_dir / RIG_FILE)
-    return _serve(rig, lambda _parameters: simulated_bus(run_dir), lambda _host, _port: None)
+    return _serve(rig, opener_of(rig, lambda: None), lambda _host, _port: None)
 
 
 def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
@@ -214,13 +217,12 @@ def _start_world(rig: RigFile) -> None:
     for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
         (rig.run_dir / left).unlink(missing_ok=True)
     keep_settings(settings, rig.run_dir)
-    name = "slaves" if rig.drives.bus == ETHERCAT else "world"
-    process = spawn(name, rig.run_dir)
+    process = spawn("world", rig)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT
     while world_pid(rig.run_dir) is None:
         if process.poll() is not None or time.monotonic() > deadline:
             process.kill()
-            log = log_of(name, rig.run_dir)
+            log = log_of("world", rig.run_dir)
             raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
         time.sleep(0.02)
