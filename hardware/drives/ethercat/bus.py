@@ -307,5 +307,5 @@ class EtherCatServoBus:
         return [
             (chain[place], place, count - before)
             for place, (count, before) in enumerate(zip(counts, self._damaged, strict=True))
-            if count > before
+            if count > before >= 0  # of one that did not answer before, nothing is known
         ]
