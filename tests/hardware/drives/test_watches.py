@@ -1,4 +1,4 @@
-"""Encoders that jump and torques that are not followed: told where they are wrong, silent where motion explains them."""
+"""Encoders that jump and torques that are not followed: told where they are wrong, silent where motion explains it."""
 
 from __future__ import annotations
 
