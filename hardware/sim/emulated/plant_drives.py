@@ -93,7 +93,8 @@ class DrivenWorld(World):
         self._forces = settings.drives.forces
         self.plant.tick = max(self.plant.tick, tick_now(settings.drives.period))
         self._begun = time.monotonic()
-        self._follow = FollowingPacer(settings.drives.period, self._begun)
+        self._period = settings.drives.period
+        self._follow = FollowingPacer(self._period, self._begun)
         devices.sense(self.state())
 
     # between motors and joints
@@ -152,14 +153,22 @@ class DrivenWorld(World):
             if until <= now:
                 break
             if self.listen(until - now, devices.numbers):
+                if time.monotonic() > late + self._period:  # this process was held up, and its motors were not
+                    self._run_due(time.monotonic())
+                    _, late = pacer.window
                 devices.hear()
-        while True:  # more than one after a rest, or where this process was held up
+        self._run_due(now)
+
+    def _run_due(self, now: float) -> None:
+        """The next tick, and all that are due: more than one after a rest, or where this process was held up."""
+        devices, pacer = self._devices, self._follow
+        while True:
             commanded = devices.complete
             self.drive(devices.act(now))
             devices.sense(self.state())
             pacer.ran(now, commanded)
             if pacer.window[1] > now:
-                break
+                return
 
 
 def driven_world_of(run_dir: Path, devices: EmulatedDevices) -> DrivenWorld:

@@ -5,6 +5,7 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
+from hardware.drives.ethercat.settings import EtherCatSettings
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.settings import DriveSettings
 from hardware.frozen import Frozen
@@ -69,8 +70,22 @@ class WorldSettings(WorldOptions):
     those of the parameters."""
     moteus: MoteusSettings | None = None
     """The controllers of a moteus bus that are emulated; None: there are none."""
+    ethercat: EtherCatSettings | None = None
+    """The devices along an EtherCAT cable that are emulated; None: there are none. Such a world has a module of its own
+    for its process, see ``hardware.sim.emulated.ethercat.process``."""
     first_controller: NonNegativeFloat = 90.0
     """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
+
+    @model_validator(mode="after")
+    def _one_bus(self) -> Self:
+        named = [name for name in ("moteus", "ethercat") if getattr(self, name) is not None]
+        if len(named) > 1:
+            raise ValueError("both moteus and ethercat are given, and the drives are on one bus: leave one of them out")
+        if named and self.drives is None:
+            raise ValueError(
+                f"{named[0]} is given without drives: say in [drives] what the bus and the joints are like"
+            )
+        return self
 
 
 def keep_settings(settings: WorldSettings, run_dir: Path) -> None:

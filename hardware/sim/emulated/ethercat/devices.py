@@ -1,6 +1,7 @@
 """The slaves of a whole robot on one segment, as ``EmulatedDevices`` behind a raw socket."""
 
 import contextlib
+import socket
 import time
 from collections.abc import Sequence
 from typing import Final
@@ -8,6 +9,7 @@ from typing import Final
 from hardware.drives.ethercat.presets import MAKERS, Preset
 from hardware.drives.ethercat.settings import ARMS, Device, EtherCatSettings
 from hardware.drives.settings import DriveSettings, JointSettings
+from hardware.interfaces import HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.emulated.ethercat.clock import SlaveClock
@@ -38,7 +40,10 @@ class EtherCatDevices:
     def __init__(
         self, settings: EtherCatSettings, drives: DriveSettings, robot: RobotParameters, interface: str | None
     ) -> None:
-        """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``."""
+        """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``.
+
+        Raises ``HardwareError`` if there is no such end.
+        """
         self.drives = [
             EmulatedDrive(_kind(settings.preset, _counts(joint), joint.rated_torque, joint.ratio, robot), CST)
             for joint in drives.joints
@@ -59,10 +64,7 @@ class EtherCatDevices:
         self._closing_speed = 0.0
         self._due: list[Slave] = []
         self._heard, self._complete = -1.0, False
-        self._socket = None
-        if interface is not None:
-            self._socket = namespace.raw_socket(interface, ETHERTYPE)
-            self._socket.setblocking(False)
+        self._socket = None if interface is None else _open(interface)
 
     # EmulatedDevices
 
@@ -144,6 +146,18 @@ class EtherCatDevices:
         self._complete = True
         for slave in due:
             slave.offer_inputs()
+
+
+def _open(interface: str) -> socket.socket:
+    try:
+        raw = namespace.raw_socket(interface, ETHERTYPE)
+    except OSError as error:
+        raise HardwareError(
+            f"the cable's end {interface} of emulated EtherCAT devices cannot be opened ({error.strerror}): start "
+            "their world by 'python -P -m hardware.sim.emulated.ethercat.process', which makes the cable first"
+        ) from error
+    raw.setblocking(False)
+    return raw
 
 
 def _counts(joint: JointSettings) -> int:
