@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import multiprocessing
 import select
@@ -15,6 +16,7 @@ from typing import NamedTuple
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.sim.emulated.moteus.devices import PORT, MoteusDevices
+from hardware.sim.emulated.moteus.injected import Injected
 from hardware.sim.emulated.plant_drives import MotorState
 from tests.waiting import PATIENCE
 
@@ -31,7 +33,7 @@ class Since(NamedTuple):
 
 
 def emulate(control: Connection, run_dir: Path, settings: MoteusSettings) -> None:
-    """Serve the master, and the test: a tuple (attribute, place, value) plants a fault."""
+    """Serve the master, and the test: "since", "end", or the arguments of ``plant``."""
     devices = MoteusDevices(run_dir, settings)
     devices.sense(STILL)
     control.send(None)
@@ -46,8 +48,7 @@ def emulate(control: Connection, run_dir: Path, settings: MoteusSettings) -> Non
             if asked == "since":
                 control.send(since)
             else:
-                attribute, place, value = asked
-                setattr(devices.controllers[place].injected, attribute, value)
+                plant(devices, *asked)
                 control.send(time.monotonic())
         if len(ready) > (control in ready):
             devices.hear()
@@ -56,6 +57,16 @@ def emulate(control: Connection, run_dir: Path, settings: MoteusSettings) -> Non
         devices.sense(STILL)
         driven = any(one.mode is Mode.POSITION for one in devices.controllers[:3])
         since = Since(_since(since.idle, not driven, now), _since(since.braked, command.braked, now))
+
+
+def plant(devices: MoteusDevices, place: int | None, attribute: str, value: object) -> None:
+    """Set an attribute of a controller's ``Injected``; without a place, all of them to what they usually are."""
+    if place is not None:
+        setattr(devices.controllers[place].injected, attribute, value)
+        return
+    for controller in devices.controllers:
+        for field in dataclasses.fields(Injected):
+            setattr(controller.injected, field.name, field.default)
 
 
 def _since(before: float, holds: bool, now: float) -> float:
@@ -71,8 +82,15 @@ class Emulator(NamedTuple):
     """The process ends, and the port is gone."""
 
     def plant(self, attribute: str, place: int, value: object) -> float:
-        """Set an attribute of a controller's ``Injected``; when that was [s]."""
-        self.control.send((attribute, place, value))
+        """Plant a fault in a controller; when that was [s]."""
+        return self._ask(place, attribute, value)
+
+    def heal(self) -> None:
+        """No fault is planted any more."""
+        self._ask(None, "", None)
+
+    def _ask(self, *request: object) -> float:
+        self.control.send(request)
         at: float = self.control.recv()
         return at
 
