@@ -54,6 +54,9 @@ def _open_known(section: DrivesSection, parameters: RobotParameters) -> ServoBus
 
 def _open_emulated(rig: RigFile, parameters: RobotParameters) -> ServoBus:
     """The same drivers at what stands in the run directory for port and cable."""
+    from hardware.sim.clients.camera import SimClock
+
+    SimClock(rig.run_dir).close()  # who answers this hears its bus, too
     settings = rig.drives.of_bus
     if isinstance(settings, MoteusSettings):
         from hardware.drives.moteus.bus import MoteusServoBus

@@ -162,6 +162,8 @@ class RigFile(Frozen):
             raise ValueError('a [world] stands behind bus = "sim" and emulated drives only: leave it out')
         if self.camera is not None and self.simulated:
             raise ValueError('a [camera] belongs to a lab; behind bus = "sim" the world has its own: leave it out')
+        if self.world_section.planted and not self.drives.emulated:
+            raise ValueError("faults are planted in emulated drives only: set emulated = true in [drives]")
         if self.drives.emulated and self.pace is not Pace.REAL:
             raise ValueError("emulated drives keep to the wall clock as real ones do: leave out the world's pace")
         return self

@@ -13,6 +13,7 @@ from hardware.interfaces import LINGER, SEED, HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
+from hardware.sim.process.planted import PlantedFault
 from hardware.sim.process.randomisation import Randomisation, stand
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
@@ -43,6 +44,8 @@ class WorldOptions(Frozen):
     """After the controller is lost, wait this long for another one [s, wall]."""
     camera_latency: PositiveFloat = 0.060
     """From exposure to delivery of a frame, plant time [s]."""
+    planted: tuple[PlantedFault, ...] = ()
+    """Faults of emulated drives, which a bring-up or a driver has to find."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see
     ``hardware.sim.process.journal``."""

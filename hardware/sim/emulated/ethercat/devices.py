@@ -12,6 +12,7 @@ from hardware.drives.settings import DriveSettings, JointSettings
 from hardware.interfaces import HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.emulated.ethercat import namespace
+from hardware.sim.emulated.ethercat import registers as reg
 from hardware.sim.emulated.ethercat.clock import SlaveClock
 from hardware.sim.emulated.ethercat.drive import CST, CSV, DriveKind, EmulatedDrive
 from hardware.sim.emulated.ethercat.segment import ETHERTYPE, SlaveChain
@@ -19,8 +20,11 @@ from hardware.sim.emulated.ethercat.sii import Identity
 from hardware.sim.emulated.ethercat.slave import Application, Slave
 from hardware.sim.emulated.ethercat.terminals import AnalogTerminal, Coupler
 from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
+from hardware.sim.process.planted import PlantedKind
 
 _LONGEST_FRAME: Final = 2048
+_EXCESS_TEMPERATURE, _UNDER_VOLTAGE, _SYNCHRONISATION_ERROR = 0x4310, 0x3220, 0x001A
+"""Error codes of CiA 402, and an AL status code."""
 _GRIPPER_COUNTS: Final = 1 << 20
 _MAKER: Final = Identity(0x0000_07FF, 0x0402, 0x0001_0000, "CiA402")
 """Of drives that are nobody's: vendor numbers up to 0x7FF are for tests."""
@@ -118,6 +122,50 @@ class EtherCatDevices:
         self.terminal.volts[:] = state.readings
         for slave in self.segment.slaves:
             slave.offer_inputs()
+
+    def plant(self, kind: PlantedKind, device: int, amount: float) -> None:
+        """See ``Faulty``."""
+        place, drive = self._place(device), (*self.drives, self.gripper)[device - 1]
+        slave = self.segment.slaves[place]
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                drive.flaws.follows = amount
+            case PlantedKind.TOO_HOT:
+                drive.fault(_EXCESS_TEMPERATURE)
+            case PlantedKind.UNDER_VOLTAGE:
+                drive.fault(_UNDER_VOLTAGE)
+            case PlantedKind.DROPS_OUT:
+                slave.drop(reg.SAFEOP, _SYNCHRONISATION_ERROR)
+            case PlantedKind.SILENT:
+                self._reach(place)
+            case PlantedKind.LOST_FRAMES:
+                self.segment.losing = int(amount)
+            case PlantedKind.CORRUPT_FRAMES:
+                self.segment.damaged_before, self.segment.damaging = place, int(amount)
+            case PlantedKind.WATCHDOG_DEAD:
+                slave.bites = False
+            case _:
+                raise ValueError(f"{kind} is no fault of a device")
+
+    def mend(self, kind: PlantedKind, device: int) -> None:
+        """See ``Faulty``. Drives with a fault of their own keep it until they are reset."""
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                (*self.drives, self.gripper)[device - 1].flaws.follows = 1.0
+            case PlantedKind.SILENT:
+                self._reach(len(self.segment.slaves))
+            case PlantedKind.LOST_FRAMES | PlantedKind.CORRUPT_FRAMES:
+                self.segment.losing = self.segment.damaging = 0
+            case PlantedKind.WATCHDOG_DEAD:
+                self.segment.slaves[self._place(device)].bites = True
+
+    def _place(self, device: int) -> int:
+        """Where a servomotor's drive, or the gripper's, stands along the cable."""
+        return self.segment.slaves.index(self.slaves[(*ARMS, Device.GRIPPER)[device - 1]])
+
+    def _reach(self, slaves: int) -> None:
+        self.segment.reach = slaves
+        self.segment.link_up()
 
     def close(self) -> None:
         """See ``EmulatedDevices``."""
