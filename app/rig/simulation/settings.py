@@ -85,6 +85,9 @@ def world_settings(rig: RigFile, **also: Any) -> WorldSettings:
     chosen: dict[str, Any] = {name: getattr(world, name) for name in WorldOptions.model_fields}
     if world.person is not None:
         chosen["hand"] = HandSettings(side=world.person)
+    if rig.drives.emulated:
+        chosen["drives"] = rig.drives.common
+        chosen[rig.drives.bus] = rig.drives.of_bus
     return WorldSettings(
         **chosen, pieces=start_layout(board, rig.table) if board.occupied else (), table=rig.table,
         home=MotionSettings().at(rig.table).home, parameters_file=rig.parameters, **also,

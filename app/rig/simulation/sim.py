@@ -27,7 +27,6 @@ from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
-from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
@@ -282,7 +281,7 @@ def _require_fit(rig: RigFile) -> None:
 
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     try:
-        require_fit(DeltaModel(load_parameters(rig.parameters), heaviest), rig.table)
+        require_fit(DeltaModel(rig.robot(), heaviest), rig.table)
     except BoardDoesNotFit as error:
         raise RigFailed(str(error)) from error
 

@@ -78,10 +78,15 @@ def join_user_namespace(pid: int) -> None:
 
 
 def announce(run_dir: Path) -> None:
-    """Leave word in a run directory that this process has made its network."""
+    """Leave word in a run directory that this process has made its network; ``NoNetwork``: nobody would find it."""
     new = run_dir / f"{NETWORK_FILE}.new"
-    new.write_text(str(os.getpid()), encoding="ascii")
-    new.replace(run_dir / NETWORK_FILE)
+    try:
+        new.write_text(str(os.getpid()), encoding="ascii")
+        new.replace(run_dir / NETWORK_FILE)
+    except OSError as error:
+        raise NoNetwork(
+            f"nothing can be written in {run_dir} ({error.strerror}): start the world through its rig"
+        ) from error
 
 
 def network_pid(run_dir: Path, patience: float = PATIENCE) -> int:
@@ -120,7 +125,11 @@ def within_network(pid: int, work: Callable[[], Result]) -> Result:
 def raw_socket(interface: str, ethertype: int) -> socket.socket:
     """A socket that gets and sends whole frames of one kind."""
     raw = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ethertype))
-    raw.bind((interface, ethertype))
+    try:
+        raw.bind((interface, ethertype))
+    except BaseException:
+        raw.close()
+        raise
     return raw
 
 

@@ -23,8 +23,7 @@ from hardware.drives.settings import DriveSettings, ForceSettings, JointSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.emulated.ethercat import namespace
-from hardware.sim.emulated.ethercat.process import SETTINGS_FILE
-from hardware.sim.process.settings import FILE_NAME, WorldSettings
+from hardware.sim.process.settings import WorldSettings, keep_settings
 
 DRIVES = DriveSettings(
     joints=(JointSettings(encoder_bits=22, sign=-1, offset=0.3), JointSettings(encoder_bits=22), JointSettings()),
@@ -60,10 +59,10 @@ def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     run_dir: Path = tmp_path_factory.mktemp("ethercat")
     settings = EtherCatSettings(interface=namespace.MASTER_END, preset=request.param)
     world = WorldSettings(
-        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES
-    )
-    (run_dir / FILE_NAME).write_text(world.model_dump_json(), encoding="utf-8")
-    (run_dir / SETTINGS_FILE).write_text(settings.model_dump_json(), encoding="utf-8")
+        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES,
+        ethercat=settings,
+    )  # fmt: skip
+    keep_settings(world, run_dir)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "hardware.sim.emulated.ethercat.process", str(run_dir)], env=os.environ
     )
