@@ -77,7 +77,7 @@ class WatchedBus:
         asked, before = _triple(torque), self.farthest
         if before + self._widest >= TOTAL_WAY:
             raise BringUpStopped(
-                f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it in one opening, "
+                f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it at once, "
                 f"and {TOTAL_WAY:g} rad are allowed: the brakes are too slow; see to their supply and varistors"
             )
         try:

@@ -36,13 +36,16 @@ _COMMANDS: Final = {
 """Modules, and arguments before the run directory, by which each of a rig's processes runs. A simulation is a world
 with its controller."""
 _SLAVES: Final = ("hardware.sim.emulated.ethercat.process",)
-"""A world behind emulated EtherCAT drives: it makes a network before anything else."""
+"""A world behind emulated EtherCAT drives: it makes a network before anything else …"""
+_INSIDE: Final = "hardware.sim.emulated.ethercat.inside"
+"""… in which its controller has to be before anything else."""
 
 
 def spawn(name: str, rig: RigFile) -> subprocess.Popen[bytes]:
     """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory."""
-    run_dir, drives = rig.run_dir, rig.drives
-    command = _SLAVES if name == "world" and drives.emulated and drives.bus == ETHERCAT else _COMMANDS[name]
+    run_dir, command = rig.run_dir, _COMMANDS[name]
+    if _has_network(rig):
+        command = _SLAVES if name == "world" else (_INSIDE, str(run_dir), "-m", *command)
     with log_of(name, run_dir).open("ab") as log:
         return subprocess.Popen(
             # -P: a folder of the user's named like one of ours must not come first
@@ -203,17 +206,38 @@ def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Opener]
     """
     with contextlib.suppress(FileExistsError):
         rig.run_dir.mkdir(mode=0o700, parents=True)
+    if _has_network(rig):
+        require_world(rig, progress)
+        _enter_network(rig.run_dir)
     try:
         yield opener_of(rig, lambda: require_world(rig, progress))
     finally:
         _end_world(rig)
 
 
+def _has_network(rig: RigFile) -> bool:
+    """Emulated EtherCAT devices are in a network of their own."""
+    return rig.drives.emulated and rig.drives.bus == ETHERCAT
+
+
+def _enter_network(run_dir: Path) -> None:
+    """Become this same program once more where the devices' network is, unless it is there already.
+
+    Only root and those in its own user namespace may open a socket there, and only a program that has just begun can
+    enter that.
+    """
+    from hardware.sim.emulated.ethercat.namespace import network_pid, shares_user_namespace
+
+    if not shares_user_namespace(network_pid(run_dir)):
+        command = [sys.executable, "-P", "-m", _INSIDE, str(run_dir), "-m", "app.cli", *sys.argv[1:]]
+        os.execv(sys.executable, command)
+
+
 def _start_world(rig: RigFile) -> None:
     """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
     from app.rig.simulation.settings import world_settings
 
-    settings = world_settings(rig, first_controller=_ALONE)
+    settings = world_settings(rig, **({} if rig.drives.emulated else {"first_controller": _ALONE}))
     for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
         (rig.run_dir / left).unlink(missing_ok=True)
     keep_settings(settings, rig.run_dir)
