@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ REPLY: Final = 3
 WRONG: Final = 3
 """Working counters in a row that are wrong before the bus asks who is missing."""
 FRAMES, LOSSES = 500, 0.1
-"""Among so many frames a larger share of lost ones is a fault."""
+"""Among so many frames, the last ones, a larger share of lost ones is a fault."""
 STAY: Final = 1.0
 """A drive that does not follow its control word for so long is a fault [s]; power stages take some tenths."""
 RESETTING: Final = 0.5
@@ -76,8 +77,8 @@ class EtherCatServoBus:
         self._follower = ReferenceFollower(self.period) if settings.distributed_clocks else None
         self.fault: DriveFault | None = None
         self.lost, self.took = 0, 0.0
-        self._frames = self._losses = 0
-        self._damaged = network.receive_errors()
+        self._came: deque[bool] = deque(maxlen=FRAMES)
+        self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
         self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
         self._wrong, self._doubt = 0, True
@@ -140,6 +141,7 @@ class EtherCatServoBus:
         self._sent = time.monotonic()
         network.send()
         counter = network.receive(REPLY * self.period)
+        self.lost += counter < 0
         self._count(lost=counter < 0)
         if counter == network.expected:
             self._wrong = 0
@@ -150,7 +152,7 @@ class EtherCatServoBus:
         return self._wrong >= WRONG
 
     def _wanted(self, command: Command) -> Wanted:
-        if self._latched is not None or not command.enable:
+        if self._latched is not None or self._lossy or not command.enable:
             return Wanted.OFF
         return Wanted.STANDBY if command.brake else Wanted.RUN
 
@@ -183,6 +185,8 @@ class EtherCatServoBus:
         self._take(now, elapsed)  # also where somebody is missing: the others say whether they have braked
         if silent:
             self._judge_silence(elapsed)
+        if self._lossy and self._latched is None:  # this frame has braked the drives: now there is time to ask for more
+            self._latch(faults.of_losses(self._losses, len(self._came), self._grown()))
         if self._latched is None:
             self._judge_states(command, now)
         self._recover(now, command)
@@ -275,7 +279,10 @@ class EtherCatServoBus:
         if self._wrong or not all(one.well for one in self._network.health()):
             return
         self._latched = None
-        self._frames = self._losses = 0
+        if self._lossy:
+            self._network.forget_receive_errors()
+        self._came.clear()
+        self._losses, self._lossy = 0, False
         self._cleared_since = self._wanted_since = time.monotonic()
 
     def _recover(self, now: float, command: Command) -> None:
@@ -292,20 +299,14 @@ class EtherCatServoBus:
 
     def _count(self, *, lost: bool) -> None:
         """Frames that do not come back, one by one."""
-        self._frames += 1
-        if lost:
-            self.lost += 1
-            self._losses += 1
-            if self._losses > LOSSES * FRAMES:
-                self._latch(faults.of_losses(self._losses, self._frames, self._grown()))
-        if self._frames >= FRAMES:
-            self._frames = self._losses = 0
+        if self._lossy:
+            return
+        if len(self._came) == FRAMES and not self._came[0]:
+            self._losses -= 1
+        self._came.append(not lost)
+        self._losses += lost
+        self._lossy = self._losses > LOSSES * FRAMES
 
     def _grown(self) -> list[tuple[Device, int, int]]:
-        counts = self._network.receive_errors()
-        chain = self._settings.chain
-        return [
-            (chain[place], place, count - before)
-            for place, (count, before) in enumerate(zip(counts, self._damaged, strict=True))
-            if count > before >= 0  # of one that did not answer before, nothing is known
-        ]
+        chain, counts = self._settings.chain, self._network.receive_errors()
+        return [(chain[place], place, count) for place, count in enumerate(counts) if count > 0]
