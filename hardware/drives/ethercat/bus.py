@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from hardware.drives.clock import TickClock
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
@@ -31,8 +32,6 @@ RESETTING: Final = 0.5
 """So long a fault that is being reset counts as reset [s]."""
 LIFT_EVERY: Final = 0.02
 """Devices that are not in OP are asked for their next step so often, while the arm is on its brakes [s]."""
-_SPIN: Final = 80e-6
-"""Before a deadline the bus spins instead of sleeping [s]."""
 _NO_FORCES = (0.0, 0.0)
 _TARGETS: Final = {Wanted.OFF: DriveState.READY, Wanted.STANDBY: DriveState.SWITCHED_ON, Wanted.RUN: DriveState.ENABLED}
 
@@ -83,8 +82,8 @@ class EtherCatServoBus:
         self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
         self._wrong, self._doubt = 0, True
         self._unanswered: float | None = None
-        self._deadline = self._answered = self._sent = time.monotonic()
-        self._tick = int(self._deadline / self.period)
+        self._answered = self._sent = time.monotonic()
+        self._clock = TickClock(self.period)
         self._ran = self._energised = False
 
     # the exchange
@@ -100,8 +99,7 @@ class EtherCatServoBus:
             self._latch(DriveFault(0, DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
             command = command._replace(torque=(0.0, 0.0, 0.0), finger_velocity=0.0)
         while True:
-            self._wait()
-            began = time.monotonic()
+            began = self._clock.next()
             if self._cycle(command):
                 break
             self._miss(began)
@@ -114,19 +112,6 @@ class EtherCatServoBus:
         if not self._closed:
             self._closed = True
             self._network.close()
-
-    def _wait(self) -> None:
-        """Until the next deadline; those that have passed are left out."""
-        now, period = time.monotonic(), self.period
-        self._deadline += period
-        self._tick += 1
-        if (late := int((now - self._deadline) / period)) > 0:
-            self._deadline += late * period
-            self._tick += late
-        while (left := self._deadline - now) > 0.0:
-            if left > _SPIN:
-                time.sleep(left - _SPIN)
-            now = time.monotonic()
 
     def _cycle(self, command: Command) -> bool:
         """One frame; whether it came back with the data of all."""
@@ -178,7 +163,7 @@ class EtherCatServoBus:
         self._doubt = self._doubt or elapsed > self._watchdog
         self._answered, self._energised = now, command.enable
         if self._follower is not None:
-            self._deadline += self._follower.correct(self._network.reference_time)
+            self._clock.shift(self._follower.correct(self._network.reference_time))
         if silent:
             for arm in self._arms:
                 arm.begin_anew()
@@ -193,7 +178,7 @@ class EtherCatServoBus:
         status = self._status(command)
         one, two, three = self._arms
         return Measurement(
-            self._tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
+            self._clock.tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
             self._gripper.position, self._felt(), status,
         )  # fmt: skip
 
