@@ -20,7 +20,7 @@ from hardware.drives.moteus.fdcanusb import with_check_sum
 from hardware.drives.moteus.health import ControllerWatch, look_at, of_all
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.serial_port import SerialPort
-from hardware.drives.moteus.servo import ServoJoint, Wanted
+from hardware.drives.moteus.servo import ServoAction, ServoJoint
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.moteus.start import GRIPPER, Machine, machine_of, start
 from hardware.drives.settings import DriveSettings
@@ -166,19 +166,19 @@ class MoteusServoBus:
         pump = self._machine.pump
         return pump[1] if pump is not None and pump[0] == part and self._pumped else 0
 
-    def _wanted(self, i: int, command: Command) -> Wanted:
+    def _wanted(self, i: int, command: Command) -> ServoAction:
         """What a servomotor is to do."""
         if not command.enable and self._joints[i].mode in (Mode.FAULT, Mode.TIMEOUT):
-            return Wanted.OFF
+            return ServoAction.OFF
         if not self._mechanical:
             if self.fault is not None and self.fault.device == i + 1:
-                return Wanted.SHORT
-            return Wanted.HOLD if command.brake or not command.enable or self._tripped else Wanted.RUN
+                return ServoAction.SHORT
+            return ServoAction.HOLD if command.brake or not command.enable or self._tripped else ServoAction.RUN
         if self._tripped:
-            return Wanted.SHORT
+            return ServoAction.SHORT
         if command.enable:
-            return Wanted.RUN
-        return Wanted.SHORT if self._sent - self._fed < _BRAKES_CLOSE else Wanted.OFF
+            return ServoAction.RUN
+        return ServoAction.SHORT if self._sent - self._fed < _BRAKES_CLOSE else ServoAction.OFF
 
     def _gripper(self, command: Command) -> bytes:
         """The frame of the gripper; what it holds it keeps, whatever becomes of this computer."""

@@ -69,15 +69,20 @@ def make_network() -> None:
         set_link(end, up=True)
 
 
+def shares_user_namespace(pid: int) -> bool:
+    """Whether a process is in the user namespace of this one."""
+    theirs, ours = (Path(f"/proc/{one}/ns/user") for one in (pid, "self"))
+    return theirs.stat().st_ino == ours.stat().st_ino
+
+
 def join_user_namespace(pid: int) -> None:
     """Enter the user namespace in which a process has made its network; of a privileged one it is one's own already.
 
     Raises ``NoNetwork`` if this process has several threads, or the other is gone or somebody else's.
     """
-    theirs, ours = (Path(f"/proc/{one}/ns/user") for one in (pid, "self"))
     try:
-        if theirs.stat().st_ino != ours.stat().st_ino:
-            with theirs.open("rb") as namespace:
+        if not shares_user_namespace(pid):
+            with Path(f"/proc/{pid}/ns/user").open("rb") as namespace:
                 _call("setns", namespace.fileno(), _USER)
     except OSError as error:
         raise NoNetwork(
