@@ -31,7 +31,6 @@ from app.terminal.report_table import judged, rows_table
 from controller.wire.errors import ControllerError
 from hardware.frozen import Frozen
 from hardware.interfaces import Frame, HardwareError, Pace
-from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
 from vision.arrays import Array
 from vision.board.find import find_board
@@ -200,7 +199,7 @@ def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateR
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="touchmove-")))
         used = rig or own_rig(folder / "run", WorldSection(pace=Pace.FAST, fen=NO_PIECES))
-        setup = Setup(used.table, load_parameters(used.parameters), MotionSettings().at(used.table))
+        setup = Setup(used.table, used.robot(), MotionSettings().at(used.table))
         try:
             setup.marker  # noqa: B018  # asked for before anything starts
             devices = stack.enter_context(open_rig(used, progress, own=rig is None))

@@ -28,7 +28,7 @@ from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
 from hardware.interfaces import Camera, Frame, HardwareError, StaleFrame
-from hardware.parameters import ParametersError, RobotParameters, load_parameters
+from hardware.parameters import ParametersError, RobotParameters
 from hardware.piece_set import PIECE_SHAPES
 
 FRAMES: Final = 6
@@ -86,7 +86,7 @@ def _check(name: str, rig: RigFile, progress: Callable[[str], None]) -> list[Fin
 def _check_robot(rig: RigFile) -> tuple[list[Finding], RobotParameters | None]:
     robot = Judge("robot")
     try:
-        parameters = load_parameters(rig.parameters)
+        parameters = rig.robot()
     except ParametersError as error:
         robot.wrong("parameters", str(error), "correct that field")
         return robot.findings, None

@@ -25,7 +25,7 @@ from controller.wire.client import ControllerClient
 from controller.wire.errors import ControllerError
 from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Pace
-from hardware.parameters import RobotParameters, load_parameters
+from hardware.parameters import RobotParameters
 
 FILE: Final = "identified.toml"
 POLE_PAIRS: Final = 5
@@ -105,7 +105,7 @@ def identify_rig(
     rig: RigFile, *, own: bool, pole_pairs: int, progress: Progress, meter: Meter | None = None
 ) -> tuple[Identification, Excitation]:
     """Open a rig, let it move, and leave it at rest; raises ``UserError`` as `run_identify`."""
-    parameters: RobotParameters = load_parameters(rig.parameters)
+    parameters: RobotParameters = rig.robot()
     period = parameters.drive.tick
     listener = None if meter is None else lambda telemetry: meter(telemetry, period)
     try:

@@ -153,7 +153,7 @@ def rig_setup_of(section: RigSection, calibration_file: Path | None = None) -> R
         meant, pace = _own_table(section), section.pace or Pace.FAST
     else:
         file = rig_for_game(section, Path("run"), None, _own_table(section), robot) if own else _rig_file(section)
-        meant, robot, pace = file.table, file.parameters, file.pace
+        meant, pace = file.table, file.pace
         if calibration_file is None and not own and file.calibration.exists():
             calibration_file = file.calibration
     calibration, table = None, meant
@@ -164,7 +164,8 @@ def rig_setup_of(section: RigSection, calibration_file: Path | None = None) -> R
         table = calibration.table(meant)
     # home stays where it is meant to be: a simulation of our own begins there
     motion = PROFILES[section.profile or Profile.DEFAULT].at(meant)
-    return RigSetup(section, file, table, load_parameters(robot), motion, pace, calibration, meant)
+    parameters = load_parameters(robot) if file is None else file.robot()
+    return RigSetup(section, file, table, parameters, motion, pace, calibration, meant)
 
 
 def _rig_file(section: RigSection) -> RigFile:

@@ -9,9 +9,9 @@ runs the game may read the same file, or copies of it. Its paths count from the 
     key = "touchmove.key"       # the secret they share
 
     [drives]
-    bus = "sim"                 # a simulated world, or the name of a lab's own driver
+    bus = "sim"                 # a simulated world; moteus or ethercat; or the name of a lab's own driver
 
-    [world]                     # of bus = "sim" alone
+    [world]                     # of simulated and emulated drives alone
     pace = "real"
 
     [camera]                    # of a lab; a simulated world has its own
@@ -30,9 +30,12 @@ from controller.protocol.key import load_key
 from controller.settings import ANY_PORT, ControllerSettings
 from controller.wire.address import ControllerAddress, find_controller
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.drives.ethercat.settings import EtherCatSettings
+from hardware.drives.moteus.settings import MoteusSettings
+from hardware.drives.settings import DriveSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import Pace
-from hardware.parameters import DEFAULT_FILE, ParametersError, load_parameters
+from hardware.parameters import DEFAULT_FILE, ParametersError, RobotParameters, load_parameters
 from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import WorldOptions
@@ -58,15 +61,63 @@ class ControllerSection(ControllerSettings):
         return self
 
 
-class DrivesSection(Frozen):
-    """``[drives]``: what the controller drives."""
+MOTEUS: Final = "moteus"
+ETHERCAT: Final = "ethercat"
+BUSES: Final = (SIMULATED, MOTEUS, ETHERCAT)
+"""Whose drivers are part of this program."""
+
+
+class DrivesSection(DriveSettings):
+    """``[drives]``: what the controller drives. Fields of ``DriveSettings`` are for moteus and EtherCAT."""
 
     bus: Annotated[str, Field(pattern=r"^[A-Za-z][\w.-]*$")] = SIMULATED
-    """``sim``, a simulated world; or the name of a lab's driver, an entry point of the group ``touchmove.drives``."""
+    """``sim``, a simulated world; ``moteus`` or ``ethercat``; or the name of a lab's driver, an entry point of the
+    group ``touchmove.drives``."""
+    emulated: bool = False
+    """The devices of the bus are emulated, and move a simulated world: to try a rig file before there is a robot."""
+    moteus: MoteusSettings | None = None
+    """Adapter and controllers of ``bus = "moteus"``."""
+    ethercat: EtherCatSettings | None = None
+    """Cable and devices of ``bus = "ethercat"``."""
+
+    @model_validator(mode="after")
+    def _of_this_bus(self) -> Self:
+        for name in (MOTEUS, ETHERCAT):
+            if getattr(self, name) is not None and self.bus != name:
+                raise ValueError(f'[drives.{name}] is for bus = "{name}" only: leave it out, or choose that bus')
+        if self.known:
+            return self
+        chosen = sorted(self.model_fields_set & {"emulated", *DriveSettings.model_fields})
+        if chosen:
+            raise ValueError(
+                f'{chosen[0]} is for bus = "{MOTEUS}" and "{ETHERCAT}" only: leave it out; what other drives are like '
+                "stands in the robot's parameters"
+            )
+        return self
+
+    @property
+    def known(self) -> bool:
+        """The bus is one that ``DriveSettings`` say how to run."""
+        return self.bus in (MOTEUS, ETHERCAT)
+
+    @property
+    def simulated(self) -> bool:
+        """A simulated world stands behind them."""
+        return self.bus == SIMULATED or self.emulated
+
+    @property
+    def of_bus(self) -> MoteusSettings | EtherCatSettings:
+        """What the section of the bus says, or its defaults; of a known bus."""
+        return (self.moteus or MoteusSettings()) if self.bus == MOTEUS else (self.ethercat or EtherCatSettings())
+
+    @property
+    def common(self) -> DriveSettings:
+        """What means the same on every bus."""
+        return DriveSettings(**{name: getattr(self, name) for name in DriveSettings.model_fields})
 
 
 class WorldSection(WorldOptions):
-    """``[world]``: the simulated world behind ``bus = "sim"``."""
+    """``[world]``: the simulated world behind simulated or emulated drives."""
 
     fen: str | None = None
     """The position that is set up; the usual one if not given. An empty board: not even pieces beside it."""
@@ -108,15 +159,19 @@ class RigFile(Frozen):
     @model_validator(mode="after")
     def _world_of_simulated_drives(self) -> Self:
         if self.world is not None and not self.simulated:
-            raise ValueError('a [world] stands behind bus = "sim" only: leave it out')
+            raise ValueError('a [world] stands behind bus = "sim" and emulated drives only: leave it out')
         if self.camera is not None and self.simulated:
             raise ValueError('a [camera] belongs to a lab; behind bus = "sim" the world has its own: leave it out')
+        if self.world_section.planted and not self.drives.emulated:
+            raise ValueError("faults are planted in emulated drives only: set emulated = true in [drives]")
+        if self.drives.emulated and self.pace is not Pace.REAL:
+            raise ValueError("emulated drives keep to the wall clock as real ones do: leave out the world's pace")
         return self
 
     @property
     def simulated(self) -> bool:
         """Whether the drives are those of a simulated world."""
-        return self.drives.bus == SIMULATED
+        return self.drives.simulated
 
     @property
     def world_section(self) -> WorldSection:
@@ -137,6 +192,11 @@ class RigFile(Frozen):
     def sees(self) -> bool:
         """Whether there is a camera."""
         return self.world_section.cameras if self.simulated else not isinstance(self.lab_camera, NoCameraSettings)
+
+    def robot(self) -> RobotParameters:
+        """The robot with its drives as they are on this rig's bus; raises ``ParametersError``."""
+        parameters = load_parameters(self.parameters)
+        return self.drives.common.robot(parameters) if self.drives.known else parameters
 
     def address(self) -> ControllerAddress:
         """Where clients reach the controller; raises ``KeyFileError`` if the key cannot be read and
@@ -159,7 +219,12 @@ def load_rig(path: Path) -> RigFile:
         load_parameters(paths["parameters"])
     except ParametersError as error:
         raise ConfigError(f"rig file {path}: {error}: mend that file") from error
-    return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
+    drives = rig.drives
+    if drives.moteus is not None and drives.moteus.port is not None:
+        drives = drives.model_copy(
+            update={"moteus": drives.moteus.model_copy(update={"port": folder / drives.moteus.port})}
+        )
+    return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), "drives": drives, **paths})
 
 
 def save_rig(rig: RigFile, path: Path) -> None:

@@ -7,7 +7,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -96,12 +96,18 @@ def _names(section: tuple[int | str, ...], whole: type[BaseModel]) -> list[str]:
     if section[:1] == ("camera",):
         kind = next(kind for kind in get_args(LabCamera) if kind.model_fields["kind"].default == section[1])
         return sorted(kind.model_fields)
-    model: Any = whole
+    model = whole
     for name in section:
-        hints = model.model_fields[name].annotation
-        parts = getattr(hints, "__args__", (hints,))
-        model = next(part for part in parts if isinstance(part, type) and issubclass(part, BaseModel))
+        if isinstance(name, str):  # a number is a place in a list of the same
+            model = _model_in(model.model_fields[name].annotation)
     return sorted(model.model_fields)
+
+
+def _model_in(annotation: object) -> type[BaseModel]:
+    """The model that a field holds, perhaps several of it, perhaps none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(_model_in(part) for part in get_args(annotation) if part is not type(None))
 
 
 def _shown(value: object) -> str:

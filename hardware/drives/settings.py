@@ -51,6 +51,18 @@ class JointSettings(FrozenFinite):
     """Of a turn of the joint. Below 18 the tool is seen too coarsely to play."""
     velocity: VelocitySource = VelocitySource.DRIVE
     """Whence the joint's velocity comes."""
+    encoder_jump: PositiveFloat = 0.01
+    """Between a joint's step and its own velocity [rad]: more is a fault. The velocity that a drive says comes some
+    2 ms late, which at ``acceleration`` makes 3 mrad of a period of 1 ms; three times that is 2 mm at the tool."""
+    acceleration: PositiveFloat = 1500.0
+    """No joint is faster at gaining or losing speed [rad/s²]: where an exchange came late, it may be as far off as that
+    admits. The default is peak torque and brake together, 16 N m, on a proximal link with its rods, 0.011 kg m²."""
+    torque_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
+    """Share by which the torque that a drive says it gives may differ from what it was asked for: of the rated one, for
+    what is wrong at no torque, and of the torque asked for, since torque constants are good to 10 % …"""
+    torque_time: PositiveFloat = 0.02
+    """… for so long [s]; then it is a fault. A current loop follows within 1 ms, and at the peak torque the lightest
+    joint turns by 0.15 rad meanwhile."""
 
     @model_validator(mode="after")
     def _derated_before_the_limit(self) -> Self:

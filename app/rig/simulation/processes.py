@@ -1,6 +1,7 @@
 """What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -8,41 +9,47 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.rig.rig_file import RIG_FILE, RigFile, WorldSection, load_rig, save_rig
-from app.settings.toml import ConfigError
+from app.rig.drives import Opener, opener_of
+from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
-from hardware.interfaces import ServoBus
-from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import keep_settings
 
-DRIVERS: Final = "touchmove.drives"
-"""Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
-the drives and returns a ``ServoBus``."""
 WORLD_TIMEOUT: Final = 60.0
 """A world with cameras takes a few seconds to start [s, wall]."""
 _ALONE: Final = 15.0
 """How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
 
 
-COMMANDS: Final = {"world": ("world",), "controller": ("controller",), "simulation": ("world", "--controlled")}
-"""By which command each of a rig's processes runs; a simulation is a world with its controller."""
+_COMMANDS: Final = {
+    "world": ("app.cli", "world", "--run-dir"),
+    "controller": ("app.cli", "controller", "--run-dir"),
+    "simulation": ("app.cli", "world", "--controlled", "--run-dir"),
+}
+"""Modules, and arguments before the run directory, by which each of a rig's processes runs. A simulation is a world
+with its controller."""
+_SLAVES: Final = ("hardware.sim.emulated.ethercat.process",)
+"""A world behind emulated EtherCAT drives: it makes a network before anything else …"""
+_INSIDE: Final = "hardware.sim.emulated.ethercat.inside"
+"""… in which its controller has to be before anything else."""
 
 
-def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
-    """Start a process of a run directory, one of ``COMMANDS``; what it says goes to its log there."""
+def spawn(name: str, rig: RigFile) -> subprocess.Popen[bytes]:
+    """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory."""
+    run_dir, command = rig.run_dir, _COMMANDS[name]
+    if _has_network(rig):
+        command = _SLAVES if name == "world" else (_INSIDE, str(run_dir), "-m", *command)
     with log_of(name, run_dir).open("ab") as log:
         return subprocess.Popen(
             # -P: a folder of the user's named like one of ours must not come first
-            [sys.executable, "-P", "-m", "app.cli", *COMMANDS[name], "--run-dir", str(run_dir)],
+            [sys.executable, "-P", "-m", *command, str(run_dir)],
             stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
         )  # fmt: skip
@@ -107,7 +114,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
 def run_controller(run_dir: Path) -> int:
     """The controller of a run directory until it is shut down; exit status."""
     rig = load_rig(run_dir / RIG_FILE)
-    return _serve(rig, lambda _parameters: _simulated_bus(run_dir), lambda _host, _port: None)
+    return _serve(rig, opener_of(rig, lambda: None), lambda _host, _port: None)
 
 
 def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
@@ -120,32 +127,35 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
     it should be, and ``HardwareError`` if the drives do not answer.
     """
     with _rig(name) as (rig, file):
-        with contextlib.suppress(FileExistsError):
-            rig.run_dir.mkdir(mode=0o700, parents=True)
-        key = rig.controller.key
-        try:
-            if not key.exists():
-                create_key(key)
-                progress(f"made the key {key}: copy it to every computer that has to reach this controller")
-        except KeyFileError as error:
-            raise UserError(str(error)) from error
 
         def ready(host: str, port: int) -> None:
             progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
 
-        status = _serve(rig, _bus(rig, progress), ready)
-        _await_end_of_world(rig)
-        return status
+        with drives_of(rig, progress) as open_bus:
+            key = rig.controller.key
+            try:
+                if not key.exists():
+                    create_key(key)
+                    progress(f"made the key {key}: copy it to every computer that has to reach this controller")
+            except KeyFileError as error:
+                raise UserError(str(error)) from error
+            return _serve(rig, open_bus, ready)
 
 
-def _await_end_of_world(rig: RigFile) -> None:
+def _end_world(rig: RigFile) -> None:
     """A simulated world ends with its controller; its last state must be on the disk before this process ends."""
+    if not rig.simulated:
+        return
+    pid = world_pid(rig.run_dir)
+    if pid is not None and rig.drives.emulated:  # on no bus there is a goodbye
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGTERM)
     deadline = time.monotonic() + WORLD_TIMEOUT
-    while rig.simulated and world_pid(rig.run_dir) is not None and time.monotonic() < deadline:
+    while world_pid(rig.run_dir) is not None and time.monotonic() < deadline:
         time.sleep(0.02)
 
 
-def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready: Callable[[str, int], None]) -> int:
+def _serve(rig: RigFile, open_bus: Opener, ready: Callable[[str, int], None]) -> int:
     """Run a controller.
 
     The law is compiled before the drives are opened: they would brake on a controller that says nothing for so long.
@@ -155,7 +165,7 @@ def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready:
     from controller.model.constants import DeltaModel
     from controller.protection.limits import default_limits
 
-    parameters = load_parameters(rig.parameters)
+    parameters = rig.robot()
     TaskSpaceController(DeltaModel(parameters))
     try:
         limits = default_limits(parameters, rig.table)
@@ -179,18 +189,6 @@ def _rig(name: str) -> Iterator[tuple[RigFile, Path]]:
         yield rig, Path(folder) / RIG_FILE
 
 
-def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParameters], ServoBus]:
-    """What opens the rig's drives; a driver that is not there is found out before anything starts."""
-    if not rig.simulated:
-        return _driver(rig.drives.bus)
-
-    def open_simulated(_parameters: RobotParameters) -> ServoBus:
-        require_world(rig, progress)
-        return _simulated_bus(rig.run_dir)
-
-    return open_simulated
-
-
 def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
     """Start the world of a simulated rig, unless one runs in its run directory; ``UserError`` if it does not start."""
     if world_pid(rig.run_dir) is None:
@@ -201,45 +199,49 @@ def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
 
 
 @contextlib.contextmanager
-def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callable[[RobotParameters], ServoBus]]:
-    """What opens a rig's drives; a simulated world ends with them. ``UserError``: the driver is not installed."""
+def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Opener]:
+    """What opens a rig's drives; a simulated world is started for them, and ends with them.
+
+    A driver that is not installed is found out before anything starts: ``UserError``.
+    """
     with contextlib.suppress(FileExistsError):
         rig.run_dir.mkdir(mode=0o700, parents=True)
-    yield _bus(rig, progress)
-    _await_end_of_world(rig)
-
-
-def _simulated_bus(run_dir: Path) -> ServoBus:
-    from hardware.sim.clients.bus import SimServoBus
-
-    return SimServoBus(run_dir)
-
-
-def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
-    """A lab's own driver, by the name of its entry point."""
-    drivers = entry_points(group=DRIVERS)
-    if name not in drivers.names:
-        known = ", ".join([SIMULATED, *sorted(drivers.names)])
-        raise ConfigError(
-            f"drives.bus is '{name}', installed here are: {known}: install the package that has it as an entry point "
-            f"of the group {DRIVERS}"
-        )
+    if _has_network(rig):
+        require_world(rig, progress)
+        _enter_network(rig.run_dir)
     try:
-        opener: Callable[[RobotParameters], ServoBus] = drivers[name].load()
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f"the driver '{name}' cannot be loaded ({error}): install its package again") from error
-    return opener
+        yield opener_of(rig, lambda: require_world(rig, progress))
+    finally:
+        _end_world(rig)
+
+
+def _has_network(rig: RigFile) -> bool:
+    """Emulated EtherCAT devices are in a network of their own."""
+    return rig.drives.emulated and rig.drives.bus == ETHERCAT
+
+
+def _enter_network(run_dir: Path) -> None:
+    """Become this same program once more where the devices' network is, unless it is there already.
+
+    Only root and those in its own user namespace may open a socket there, and only a program that has just begun can
+    enter that.
+    """
+    from hardware.sim.emulated.ethercat.namespace import network_pid, shares_user_namespace
+
+    if not shares_user_namespace(network_pid(run_dir)):
+        command = [sys.executable, "-P", "-m", _INSIDE, str(run_dir), "-m", "app.cli", *sys.argv[1:]]
+        os.execv(sys.executable, command)
 
 
 def _start_world(rig: RigFile) -> None:
     """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
     from app.rig.simulation.settings import world_settings
 
-    settings = world_settings(rig, first_controller=_ALONE)
+    settings = world_settings(rig, **({} if rig.drives.emulated else {"first_controller": _ALONE}))
     for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
         (rig.run_dir / left).unlink(missing_ok=True)
     keep_settings(settings, rig.run_dir)
-    process = spawn("world", rig.run_dir)
+    process = spawn("world", rig)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT
     while world_pid(rig.run_dir) is None:

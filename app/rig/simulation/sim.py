@@ -27,7 +27,6 @@ from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
-from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
@@ -169,7 +168,7 @@ class SimRig(RemoteRig):
 
     def _spawn(self, name: str) -> None:
         with recording(self._run_dir):
-            self._processes[name] = spawn(name, self._run_dir)
+            self._processes[name] = spawn(name, self._rig)
 
     def _await_controller(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT
@@ -251,7 +250,7 @@ class SimRig(RemoteRig):
         process = self._processes.get(name)
         if process is None:
             return True
-        if not orderly:
+        if not orderly or (name == "world" and self._rig.drives.emulated):  # on no bus there is a goodbye
             process.terminate()
         try:
             process.wait(END_TIMEOUT)
@@ -282,7 +281,7 @@ def _require_fit(rig: RigFile) -> None:
 
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     try:
-        require_fit(DeltaModel(load_parameters(rig.parameters), heaviest), rig.table)
+        require_fit(DeltaModel(rig.robot(), heaviest), rig.table)
     except BoardDoesNotFit as error:
         raise RigFailed(str(error)) from error
 

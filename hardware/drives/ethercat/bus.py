@@ -82,7 +82,7 @@ class EtherCatServoBus:
         self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
         self._wrong, self._doubt = 0, True
         self._unanswered: float | None = None
-        self._deadline = self._answered = time.monotonic()
+        self._deadline = self._answered = self._sent = time.monotonic()
         self._tick = int(self._deadline / self.period)
         self._ran = self._energised = False
 
@@ -137,6 +137,7 @@ class EtherCatServoBus:
             network.output(device, arm.outputs(torque, wanted, elapsed, reset=reset))
         velocity = command.finger_velocity if self._latched is None else min(0.0, command.finger_velocity)
         network.output(Device.GRIPPER, self._gripper.outputs(velocity, Wanted.RUN, reset=reset))
+        self._sent = time.monotonic()
         network.send()
         counter = network.receive(REPLY * self.period)
         self._count(lost=counter < 0)
@@ -179,7 +180,7 @@ class EtherCatServoBus:
         if silent:
             for arm in self._arms:
                 arm.begin_anew()
-        self._take(elapsed)  # also where somebody is missing: the others say whether they have braked
+        self._take(now, elapsed)  # also where somebody is missing: the others say whether they have braked
         if silent:
             self._judge_silence(elapsed)
         if self._latched is None:
@@ -192,10 +193,10 @@ class EtherCatServoBus:
             self._gripper.position, self._felt(), status,
         )  # fmt: skip
 
-    def _take(self, elapsed: float) -> None:
+    def _take(self, now: float, elapsed: float) -> None:
         network = self._network
         for arm, device in zip(self._arms, ARMS, strict=True):
-            trouble = arm.take(network.input(device), elapsed)
+            trouble = arm.take(network.input(device), self._sent, now, elapsed)
             if trouble is not None and not self._wrong:
                 self._latch(faults.of_drive(device, self._settings.place(device), trouble))
         self._gripper.take(network.input(Device.GRIPPER))
@@ -306,5 +307,5 @@ class EtherCatServoBus:
         return [
             (chain[place], place, count - before)
             for place, (count, before) in enumerate(zip(counts, self._damaged, strict=True))
-            if count > before
+            if count > before >= 0  # of one that did not answer before, nothing is known
         ]

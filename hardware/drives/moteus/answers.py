@@ -31,12 +31,10 @@ class Answers:
     def __init__(self, adapter: Adapter, controllers: Sequence[Controller], patience: float) -> None:
         self._adapter, self._controllers, self._patience = adapter, controllers, patience
         self._places = {controller.device: place for place, controller in enumerate(controllers)}
-        self._owing = False
 
     def drop_late(self) -> None:
-        """Forget answers to an exchange before, if one of them was late."""
-        if self._owing:
-            self._adapter.port.drop()
+        """Forget answers to an exchange before: one that was late would be taken for the next one, and so on."""
+        self._adapter.port.drop()
 
     def collect(self) -> Answered:
         """All answers, or those that came in time. Raises ``BusLost`` if the adapter is gone."""
@@ -50,7 +48,6 @@ class Answers:
                 missing -= self._put(line, told, damage)
             if not lines and time.monotonic() >= until:
                 break
-        self._owing = missing > 0
         return Answered(told, damage)
 
     def _put(self, line: bytes, told: list[Told | None], damage: list[str | None]) -> int:

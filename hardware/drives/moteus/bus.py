@@ -12,24 +12,28 @@ from typing import Final
 
 from hardware.drives.clock import TickClock
 from hardware.drives.faults import DriveFault, Finding
-from hardware.drives.joint import FingerScale, JointScale
+from hardware.drives.joint import FingerScale
 from hardware.drives.moteus.adapter import Adapter
 from hardware.drives.moteus.answers import Answers
 from hardware.drives.moteus.cycle import Told
 from hardware.drives.moteus.fdcanusb import with_check_sum
-from hardware.drives.moteus.health import ControllerWatch, look_at
+from hardware.drives.moteus.health import ControllerWatch, look_at, of_all
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.serial_port import SerialPort
+from hardware.drives.moteus.servo import ServoAction, ServoJoint
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.moteus.start import GRIPPER, Machine, machine_of, start
-from hardware.drives.rating import TorqueRating
-from hardware.drives.settings import DriveSettings, VelocitySource
-from hardware.drives.velocity import estimate_of
+from hardware.drives.settings import DriveSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Measurement
 from hardware.parameters import RobotParameters
 
-_PARTS: Final = range(4)
-_SERVOS: Final = range(3)
+_BRAKES_CLOSE: Final = 0.2
+"""Within so long a relay lets go and the brakes close [s]; until then shorted motors damp the arm."""
+
+
+def say(sentence: str) -> None:
+    """Tell people."""
+    print(sentence, file=sys.stderr, flush=True)
 
 
 class MoteusServoBus:
@@ -55,7 +59,7 @@ class MoteusServoBus:
         drives: DriveSettings,
         settings: MoteusSettings,
         parameters: RobotParameters,
-        tell: Callable[[str], None] = lambda sentence: print(sentence, file=sys.stderr, flush=True),
+        tell: Callable[[str], None] = say,
     ) -> None:
         if settings.port is None:
             raise HardwareError(
@@ -75,39 +79,38 @@ class MoteusServoBus:
     fault: DriveFault | None
 
     def _set_up(self, drives: DriveSettings, parameters: RobotParameters, machine: Machine) -> None:
-        self._machine, joints = machine, drives.joints
-        self._scales = [JointScale.of(joint) for joint in joints]
-        self._finger = FingerScale.of(drives.finger)
-        self._forces = drives.forces
-        self._ratings = [TorqueRating(joint, parameters.drive) for joint in joints]
-        self._estimates = [
-            estimate_of(joint) if joint.velocity is VelocitySource.POSITION else None for joint in joints
+        self._machine, self._controllers = machine, machine.controllers
+        self._mechanical = machine.pump is not None
+        self._joints = [
+            ServoJoint(controller, joint, parameters.drive, drives.watchdog)
+            for controller, joint in zip(machine.controllers, drives.joints, strict=False)
         ]
-        self._watches = [ControllerWatch(self._settings, most) for most in machine.most]
-        self._hot = [*(joint.temperature_limit for joint in joints), max(one.temperature_limit for one in joints)]
+        self._finger, self._forces = FingerScale.of(drives.finger), drives.forces
+        self._watches = [ControllerWatch(self._settings.lost_replies) for _ in machine.controllers]
+        limits = [joint.temperature_limit for joint in drives.joints]
+        self._hot = [*limits, max(limits)]
         self._answers = Answers(self._adapter, machine.controllers, self._settings.reply_time)
-        self._told: list[Told | None] = [None] * len(_PARTS)
-        self._asked: list[float | None] = [None] * len(_PARTS)
-        self._held = [math.nan] * len(_SERVOS)
-        self._angles, self._velocities = [math.nan] * len(_SERVOS), [0.0] * len(_SERVOS)
-        self._bitten = self._pumped = self._closed = False
+        self._told: list[Told | None] = [None] * len(machine.controllers)
+        self._bitten = self._ill = self._pumped = self._closed = False
         self._clock = TickClock(self.period)
-        self._sent = self._answered = math.nan
+        self._tick = self._clock.tick
+        self._sent = self._fed = math.nan
 
     def exchange(self, command: Command) -> Measurement:
-        """See ``ServoBus.exchange``."""
+        """See ``ServoBus.exchange``. A fault is cleared by an exchange without ``enable`` in which all are well."""
         if self._closed:
-            raise BusLost("the drives were given up")
-        if not command.enable:
-            self.fault, self._bitten = None, False
-        elif not math.isfinite(sum(command.torque) + command.finger_velocity):
+            raise BusLost("the moteus drives were given up")
+        self._ill = False
+        if not math.isfinite(sum(command.torque) + command.finger_velocity):
             self._fail(0, Finding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
-        now = self._clock.next()
-        before, self._sent = self._sent, now
-        elapsed = now - before if math.isfinite(before) else self.period
-        saturated = self._send(command, elapsed)
-        self._take(command, elapsed)
-        return self._measurement(command, saturated)
+        self._cycle(command)
+        while any(math.isnan(joint.angle) for joint in self._joints):  # the first answers are missing
+            if self.fault is not None:
+                raise BusLost(self.fault.sentence)
+            self._cycle(command)
+        if not command.enable and not self._ill:
+            self.fault, self._bitten = None, False
+        return self._measurement(command)
 
     def close(self) -> None:
         """See ``ServoBus.close``: brakes close at once, or the controllers hold the arm by themselves."""
@@ -115,13 +118,25 @@ class MoteusServoBus:
             return
         self._closed = True
         try:
-            if self._machine.pump is not None:
-                self._write([controller.mode(Mode.STOPPED) for controller in self._machine.controllers[:GRIPPER]])
+            if self._mechanical:
+                self._write([controller.mode(Mode.BRAKE) for controller in self._controllers[:GRIPPER]])
                 time.sleep(0.002)  # on their way
         except BusLost:
             pass  # their watchdogs brake
         finally:
             self._port.close()
+
+    def _cycle(self, command: Command) -> None:
+        """Wait for the next tick, tell all of them, and take their answers."""
+        before, self._sent = self._sent, self._clock.next()
+        elapsed = self._sent - before if math.isfinite(before) else self.period
+        self._tick = self._clock.tick
+        self._send(command, elapsed)
+        self._take(command, elapsed)
+        if (answered := time.monotonic()) - self._sent > self.period:
+            # nobody knows in which of these ticks it was measured: the count says that some are missing
+            self._tick = int(answered / self.period)
+            self._clock.tick = self._tick + 1
 
     # commands
 
@@ -129,59 +144,45 @@ class MoteusServoBus:
     def _tripped(self) -> bool:
         return self.fault is not None or self._bitten
 
-    def _send(self, command: Command, elapsed: float) -> bool:
-        """A frame to each; whether a torque was cut."""
-        machine = self._machine
-        braked = command.brake or not command.enable or self._tripped
-        if machine.pump is not None:
-            self._pumped = not self._pumped if not braked else False
-        saturated, lines = False, []
-        for i in _SERVOS:
-            line, cut = self._servo(i, command, braked, elapsed)
-            lines.append(line)
-            saturated = saturated or cut
+    @property
+    def _ready(self) -> bool:
+        return all(joint.mode == Mode.POSITION for joint in self._joints)
+
+    def _send(self, command: Command, elapsed: float) -> None:
+        """A frame to each; brakes stay closed until all motors hold."""
+        opened = command.enable and not command.brake and not self._tripped and self._ready
+        self._pumped = opened and not self._pumped
+        if opened:
+            self._fed = self._sent
+        lines = [
+            joint.frame(self._wanted(i, command), command.torque[i], elapsed, self._outputs(i))
+            for i, joint in enumerate(self._joints)
+        ]
         lines.append(self._gripper(command))
         self._answers.drop_late()
         self._write(lines)
-        return saturated
 
     def _outputs(self, part: int) -> int:
         pump = self._machine.pump
         return pump[1] if pump is not None and pump[0] == part and self._pumped else 0
 
-    def _servo(self, i: int, command: Command, braked: bool, elapsed: float) -> tuple[bytes, bool]:
-        """The frame of a servomotor, and whether its torque was cut."""
-        controller, told, pump = self._machine.controllers[i], self._told[i], self._outputs(i)
-        mechanical = self._machine.pump is not None
-        self._asked[i], held = None, self._held[i]
-        if told is not None and told.mode in (Mode.FAULT, Mode.TIMEOUT) and not command.enable:
-            self._held[i] = math.nan
-            return controller.mode(Mode.STOPPED, pump), False
-        if self._tripped and (mechanical or (self.fault is not None and self.fault.device == i + 1)):
-            return controller.mode(Mode.BRAKE, pump), False
-        if mechanical and not command.enable:
-            self._ratings[i].rest(elapsed)
-            return controller.mode(Mode.STOPPED, pump), False
-        if braked and not mechanical:
-            self._ratings[i].rest(elapsed)
-            if math.isnan(held) and told is not None:
-                self._held[i] = held = told.angle
-            return controller.mode(Mode.STOPPED) if math.isnan(held) else controller.hold(held), self._beyond(
-                command, i
-            )
-        self._held[i] = math.nan
-        temperature = math.nan if told is None else told.temperature
-        rated = self._ratings[i].rate(command.torque[i], temperature, elapsed)
-        self._asked[i] = self._scales[i].motor_torque(rated.torque)
-        return controller.torque(self._asked[i] or 0.0, pump), rated.cut
-
-    def _beyond(self, command: Command, i: int) -> bool:
-        """A torque that is not given now would be cut."""
-        return abs(command.torque[i]) > self._ratings[i].peak
+    def _wanted(self, i: int, command: Command) -> ServoAction:
+        """What a servomotor is to do."""
+        if not command.enable and self._joints[i].mode in (Mode.FAULT, Mode.TIMEOUT):
+            return ServoAction.OFF
+        if not self._mechanical:
+            if self.fault is not None and self.fault.device == i + 1:
+                return ServoAction.SHORT
+            return ServoAction.HOLD if command.brake or not command.enable or self._tripped else ServoAction.RUN
+        if self._tripped:
+            return ServoAction.SHORT
+        if command.enable:
+            return ServoAction.RUN
+        return ServoAction.SHORT if self._sent - self._fed < _BRAKES_CLOSE else ServoAction.OFF
 
     def _gripper(self, command: Command) -> bytes:
         """The frame of the gripper; what it holds it keeps, whatever becomes of this computer."""
-        controller, told, pump = self._machine.controllers[GRIPPER], self._told[GRIPPER], self._outputs(GRIPPER)
+        controller, told, pump = self._controllers[GRIPPER], self._told[GRIPPER], self._outputs(GRIPPER)
         if told is not None and told.mode in (Mode.FAULT, Mode.TIMEOUT) and not command.enable:
             return controller.mode(Mode.STOPPED, pump)
         asked = command.finger_velocity if math.isfinite(command.finger_velocity) else 0.0
@@ -196,66 +197,49 @@ class MoteusServoBus:
     # answers
 
     def _take(self, command: Command, elapsed: float) -> None:
-        before = self._answered if math.isfinite(self._answered) else self._sent
         heard = self._answers.collect()
-        self._answered = time.monotonic()
-        # each answer was sampled some time between its question and its arrival
-        longest = self._answered - (self._sent - elapsed)
-        unsure = longest - max(0.0, self._sent - before)
-        for part in _PARTS:
-            told = heard.told[part]
-            if told is None:
-                finding = self._watches[part].missed(heard.damage[part])
-                if finding is not None:
-                    self._fail(part + 1, finding)
-            else:
+        answered = time.monotonic()
+        missed = [
+            None if told is not None else watch.missed(damage)
+            for told, damage, watch in zip(heard.told, heard.damage, self._watches, strict=True)
+        ]
+        nobody = of_all(missed)
+        if nobody is not None:
+            self._fail(0, nobody)
+        for part, told in enumerate(heard.told):
+            finding = missed[part]
+            if told is not None:
                 self._told[part] = told
-                self._look(part, told, command, elapsed)
-        for i in _SERVOS:
-            self._move(i, heard.told[i], elapsed, longest, unsure)
+                self._watches[part].answered()
+                finding = self._look(part, told, command, elapsed)
+            if part < GRIPPER:
+                joint = self._joints[part]
+                moved = None if told is None else joint.take(told, self._sent, answered, elapsed)
+                finding = finding or moved
+                if told is None:
+                    joint.coast(elapsed)
+            if finding is not None:
+                self._fail(part + 1, finding)
 
-    def _look(self, part: int, told: Told, command: Command, elapsed: float) -> None:
+    def _look(self, part: int, told: Told, command: Command, elapsed: float) -> Finding | None:
         """What is wrong with a device that has answered."""
-        watch = self._watches[part]
-        watch.answered()
-        if told.mode == Mode.TIMEOUT and command.enable:
-            if not self._bitten:
+        if told.mode == Mode.TIMEOUT:
+            self._ill = True
+            if command.enable and not self._bitten:
                 self._bitten = True
                 self._tell(DriveFault(part + 1, DriveTrouble.WATCHDOG_BIT, self._name(part)).sentence)
-            return
+            return None
+        if told.mode == Mode.FAULT and not command.enable:  # it is being cleared
+            self._ill = True
+            return None
         wanted = command.enable and not self._tripped
-        finding = (
-            (look_at(told, self._hot[part], self._settings) if command.enable or told.mode != Mode.FAULT else None)
-            or watch.torque(self._asked[part] if told.mode == Mode.POSITION else None, told.torque, told.code, elapsed)
-            or watch.operates(told.mode, wanted, elapsed)
+        return look_at(told, self._hot[part], self._settings) or self._watches[part].operates(
+            told.mode, wanted, elapsed
         )
-        if finding is not None:
-            self._fail(part + 1, finding)
-
-    def _move(self, i: int, told: Told | None, elapsed: float, longest: float, unsure: float) -> None:
-        """Where a joint is now; one that has not answered, or has jumped, is taken to move on as it did.
-
-        Between two readings at most ``longest`` has passed, and it is not known for ``unsure`` of it when they were.
-        """
-        scale, estimate = self._scales[i], self._estimates[i]
-        before, speed = self._angles[i], self._velocities[i]
-        if told is not None:
-            angle, velocity = scale.angle(told.angle), scale.velocity(told.velocity)
-            expected = before + 0.5 * (speed + velocity) * elapsed
-            moved = max(abs(speed), abs(velocity)) * unsure
-            jumped = self._watches[i].encoder(angle - expected, moved, longest) if math.isfinite(before) else None
-            if jumped is None or self._tripped:
-                if estimate is not None:
-                    velocity = estimate.take(angle, elapsed)
-                self._angles[i], self._velocities[i] = angle, velocity
-                return
-            self._fail(i + 1, jumped)
-        if math.isnan(before):
-            raise HardwareError(f"{self._name(i)} does not answer the first exchange: see its cable")
-        self._angles[i] = before + speed * elapsed
 
     def _fail(self, device: int, finding: Finding) -> None:
         """Brake, for what was found first."""
+        self._ill = True
         if self.fault is not None:
             return
         name = f"{self._name(device - 1)}: " if device else ""
@@ -267,13 +251,13 @@ class MoteusServoBus:
 
     # the measurement
 
-    def _measurement(self, command: Command, saturated: bool) -> Measurement:
-        a, b, c = self._angles
-        va, vb, vc = self._velocities
+    def _measurement(self, command: Command) -> Measurement:
+        one, two, three = self._joints
         gripper = self._told[GRIPPER]
         finger = 0.0 if gripper is None else self._finger.position(gripper.angle)
         return Measurement(
-            self._clock.tick, (a, b, c), (va, vb, vc), finger, self._pads(), self._status(command, saturated)
+            self._tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
+            finger, self._pads(), self._status(command),
         )  # fmt: skip
 
     def _pads(self) -> tuple[float, float]:
@@ -286,15 +270,15 @@ class MoteusServoBus:
             return 0.0, 0.0
         return forces[0].force(right.inputs[at]), forces[1].force(left.inputs[there])
 
-    def _status(self, command: Command, saturated: bool) -> DriveStatus:
-        status = DriveStatus.SATURATED if saturated else DriveStatus.OK
+    def _status(self, command: Command) -> DriveStatus:
+        cut = any(joint.cut for joint in self._joints)
+        status = DriveStatus.SATURATED if cut else DriveStatus.OK
         if self.fault is not None:
             return status | self.fault.status | DriveStatus.BRAKED
         if self._bitten:
             return status | DriveStatus.WATCHDOG | DriveStatus.BRAKED
-        ready = all(told is not None and told.mode == Mode.POSITION for told in self._told[:GRIPPER])
-        if command.enable and ready:
+        if command.enable and self._ready:
             status |= DriveStatus.ENABLED
-        if command.brake or not command.enable or not ready:
+        if command.brake or not command.enable or not self._ready:
             status |= DriveStatus.BRAKED
         return status

@@ -78,7 +78,7 @@ class Controller:
     ) -> None:
         self.device = device
         self._inputs = tuple(inputs)
-        self._layout = AnswerLayout([*_STATE, *(Asked(Resolution.INT16, register, 1) for register in inputs)])
+        self._layout = AnswerLayout([*_STATE, *_together(inputs)])
         self._output = output
         self._head = b"can send %04x " % address(device)
         scale = limits.torque, limits.timeout
@@ -129,6 +129,17 @@ class Controller:
         place = 2 * at[changing]
         whole = [padded(data + self._outputs(pump) + self._layout.query).hex().encode() for pump in range(_OUTPUTS)]
         return _Text(self._head + whole[0][:place], [one[place + 8 :] + b" BF" for one in whole])
+
+
+def _together(registers: Sequence[int]) -> list[Asked]:
+    """Questions for ascending registers; those that follow each other are one."""
+    asked: list[Asked] = []
+    for register in registers:
+        if asked and register == asked[-1].register + asked[-1].number:
+            asked[-1] = asked[-1]._replace(number=asked[-1].number + 1)
+        else:
+            asked.append(Asked(Resolution.INT16, register, 1))
+    return asked
 
 
 def _line(text: _Text, value: float, pump: int) -> bytes:

@@ -1,7 +1,5 @@
 """What is wrong with a controller, from what it says: pure but for counting how long something lasts."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from hardware.drives.faults import Finding
@@ -33,17 +31,16 @@ def look_at(told: Told, temperature_limit: float, settings: MoteusSettings) -> F
 
 
 class ControllerWatch:
-    """What several answers of one controller tell.
+    """What several answers of one controller tell, and answers that do not come.
 
     Args:
-        settings: limits.
-        most: peak torque at its shaft [N m].
+        lost_replies: so many in a row may be missing.
     """
 
-    def __init__(self, settings: MoteusSettings, most: float) -> None:
-        self._settings = settings
-        self._allowed = settings.torque_error * most
-        self._apart = self._idle = 0.0
+    def __init__(self, lost_replies: int) -> None:
+        self._most = lost_replies
+        self._idle = 0.0
+        self._ran = False
         self._missing = self._damaged = 0
         self._last_words = ""
 
@@ -53,7 +50,7 @@ class ControllerWatch:
             self._damaged += 1
             self._last_words = damage
         self._missing += 1
-        if self._missing <= self._settings.lost_replies:
+        if self._missing <= self._most:
             return None
         if self._damaged:
             return Finding(DriveTrouble.WRONG_REPLY, self._last_words)
@@ -63,37 +60,25 @@ class ControllerWatch:
         """An exchange with an answer."""
         self._missing = self._damaged = 0
 
-    def torque(self, asked: float | None, given: float, code: int, elapsed: float) -> Finding | None:
-        """Whether it gives what it was asked for [N m]; None: it was asked for none."""
-        if asked is None or abs(asked - given) <= self._allowed:
-            self._apart = 0.0
-            return None
-        self._apart += elapsed
-        if self._apart <= self._settings.torque_time:
-            return None
-        limited = f"; {fault_words(code)}" if code else ""
-        seen = f"{given:.2f} N m instead of {asked:.2f} N m for {1e3 * self._apart:.0f} ms{limited}"
-        return Finding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen)
-
     def operates(self, mode: int, wanted: bool, elapsed: float) -> Finding | None:
-        """Whether it is in its operating mode, once it should be."""
-        self._idle = self._idle + elapsed if wanted and mode != Mode.POSITION else 0.0
+        """Whether it is in its operating mode, once it should be; who has left it has lost power, and its settings."""
+        operating = mode == Mode.POSITION
+        fell = wanted and self._ran and not operating
+        self._ran = wanted and (self._ran or operating)
+        self._idle = self._idle + elapsed if wanted and not operating else 0.0
+        if fell:
+            seen = f"mode {mode} instead of {int(Mode.POSITION)}; if it has lost power, start the controller anew"
+            return Finding(DriveTrouble.NOT_OPERATIONAL, seen)
         if self._idle <= _SLOW_TO_START:
             return None
-        return Finding(DriveTrouble.NOT_OPERATIONAL, f"mode {mode} instead of {int(Mode.POSITION)}")
+        seen = f"mode {mode} instead of {int(Mode.POSITION)} for {self._idle:.1f} s"
+        return Finding(DriveTrouble.NOT_OPERATIONAL, seen)
 
-    def encoder(self, jump: float, unsure: float, longest: float) -> Finding | None:
-        """Whether a joint is where its mean velocity before and after has taken it.
 
-        Args:
-            jump: how far it is from there [rad].
-            unsure: how far it may have moved while it is not known when it was read [rad].
-            longest: time that may have passed between the two readings [s].
-        """
-        settings = self._settings
-        # with bounded acceleration the mean of two velocities is off by a quarter of it at most
-        accepted = settings.encoder_jump + unsure + 0.25 * settings.acceleration * longest**2
-        if abs(jump) <= accepted:
-            return None
-        seen = f"{jump:+.4f} rad beyond its own velocity, at most {accepted:.3g} rad is accepted"
-        return Finding(DriveTrouble.ENCODER_JUMPED, seen)
+def of_all(findings: list[Finding | None]) -> Finding | None:
+    """Where nobody answers any more, nobody's own cable is the cause; None: somebody does."""
+    ill = [finding for finding in findings if finding is not None]
+    if len(ill) < len(findings):
+        return None
+    worst = next((one for one in ill if one.trouble is DriveTrouble.WRONG_REPLY), ill[0])
+    return Finding(worst.trouble, f"none of {len(ill)} controllers, {worst.detail}")

@@ -45,15 +45,6 @@ class MoteusSettings(FrozenFinite):
     """Of a joint that its controller holds by itself, without commands or brakes [N m/rad] …"""
     hold_damping: PositiveFloat = 5.0
     """… and its damping [N m s/rad]."""
-    encoder_jump: PositiveFloat = 0.01
-    """Between a joint's step and its own velocity [rad]: more is a fault."""
-    acceleration: PositiveFloat = 1500.0
-    """No joint is faster at gaining or losing speed [rad/s²]: where an exchange came late, it may be as far off as that
-    admits. The default is peak torque and brake together, 16 N m, on a proximal link with its rods, 0.011 kg m²."""
-    torque_error: PositiveFloat = 0.25
-    """Share of the peak torque by which the torque that a controller reports may differ from what it was asked for …"""
-    torque_time: PositiveFloat = 0.02
-    """… for so long [s]; then it is a fault. A current loop follows within 1 ms."""
     lowest_voltage: PositiveFloat = 12.0
     """Of the supply [V]; below it is a fault. The controllers themselves go on down to 10 V …"""
     highest_voltage: PositiveFloat = 44.0

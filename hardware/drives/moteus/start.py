@@ -43,8 +43,6 @@ class Machine(NamedTuple):
     """Where the right and the left sensor are read: place of the controller, place among its inputs."""
     pump: tuple[int, int] | None
     """Which controller opens the brakes, and the bit of its output."""
-    most: tuple[float, ...]
-    """Largest torque of each, at its shaft [N m]."""
 
 
 def machine_of(drives: DriveSettings, settings: MoteusSettings, parameters: RobotParameters) -> Machine:
@@ -71,7 +69,7 @@ def machine_of(drives: DriveSettings, settings: MoteusSettings, parameters: Robo
     forces = None if settings.forces is None else (place(settings.forces[0]), place(settings.forces[1]))
     brakes = settings.brakes
     pump = None if brakes is None else (settings.ids.index(brakes.id), 1 << brakes.pin)
-    return Machine(controllers, forces, pump, tuple(most))
+    return Machine(controllers, forces, pump)
 
 
 def _output(brakes: PinSettings | None, device: int) -> int | None:

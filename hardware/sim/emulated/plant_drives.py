@@ -13,6 +13,7 @@ from hardware.drives.joint import FingerScale, JointScale
 from hardware.interfaces import Command, HardwareError, Measurement, Pace, Triple
 from hardware.realtime import exact_timers
 from hardware.sim.emulated.pacing import FollowingPacer, tick_now
+from hardware.sim.emulated.planting import Faulty, Planting
 from hardware.sim.process.server import World
 from hardware.sim.process.settings import WorldSettings, load_settings
 
@@ -47,7 +48,7 @@ class MotorState(NamedTuple):
     """Of the right and left force sensor, in units of their input; 0 where there are none."""
 
 
-class EmulatedDevices(Protocol):
+class EmulatedDevices(Faulty, Protocol):
     """Devices of one bus, as the loop calls them. Nothing here waits."""
 
     @property
@@ -91,9 +92,16 @@ class DrivenWorld(World):
         self._joints = tuple(JointScale.of(joint) for joint in settings.drives.joints)
         self._finger = FingerScale.of(settings.drives.finger)
         self._forces = settings.drives.forces
+        newton = [force.reading(1.0) - force.zero for force in self._forces or ()]
+        self._planting: Planting | None = None
+        if settings.planted:
+            self._planting = Planting(settings.planted, self._joints, newton, self.plant.set_brakes, devices)
         self.plant.tick = max(self.plant.tick, tick_now(settings.drives.period))
         self._begun = time.monotonic()
-        self._follow = FollowingPacer(settings.drives.period, self._begun)
+        self._period = settings.drives.period
+        self._follow = FollowingPacer(self._period, self._begun)
+        self._switched_on = self.plant.tick
+        self._plant_faults()
         devices.sense(self.state())
 
     # between motors and joints
@@ -108,16 +116,18 @@ class DrivenWorld(World):
         readings = (0.0, 0.0)
         if forces is not None:
             readings = forces[0].reading(said.tactile[0]), forces[1].reading(said.tactile[1])
-        return MotorState(
-            said.tick, (one.motor_angle(a), two.motor_angle(b), three.motor_angle(c)),
-            (one.motor_velocity(va), two.motor_velocity(vb), three.motor_velocity(vc)),
-            self._finger.motor_angle(said.finger_position), readings,
-        )  # fmt: skip
+        angle = one.motor_angle(a), two.motor_angle(b), three.motor_angle(c)
+        velocity = one.motor_velocity(va), two.motor_velocity(vb), three.motor_velocity(vc)
+        if self._planting is not None:
+            (a, b, c), (va, vb, vc), seen = self._planting.shown(angle, velocity, readings)
+            angle, velocity = (a, b, c), (va, vb, vc)
+            readings = seen[0], seen[1]
+        return MotorState(said.tick, angle, velocity, self._finger.motor_angle(said.finger_position), readings)
 
     def drive(self, command: MotorCommand) -> None:
         """Advance by one tick."""
         one, two, three = self._joints
-        u, v, w = command.torque
+        u, v, w = command.torque if self._planting is None else self._planting.given(command.torque)
         asked = Command(
             (one.torque(u), two.torque(v), three.torque(w)), self._finger.velocity(command.gripper_velocity),
             command.braked, command.powered, busy=False,
@@ -152,14 +162,27 @@ class DrivenWorld(World):
             if until <= now:
                 break
             if self.listen(until - now, devices.numbers):
+                if time.monotonic() > late + self._period:  # this process was held up, and its motors were not
+                    self._run_due(time.monotonic())
+                    _, late = pacer.window
                 devices.hear()
-        while True:  # more than one after a rest, or where this process was held up
+        self._run_due(now)
+
+    def _plant_faults(self) -> None:
+        if self._planting is not None:
+            self._planting.turn((self.plant.tick - self._switched_on) * self._period)
+
+    def _run_due(self, now: float) -> None:
+        """The next tick, and all that are due: more than one after a rest, or where this process was held up."""
+        devices, pacer = self._devices, self._follow
+        while True:
             commanded = devices.complete
+            self._plant_faults()
             self.drive(devices.act(now))
             devices.sense(self.state())
             pacer.ran(now, commanded)
             if pacer.window[1] > now:
-                break
+                return
 
 
 def driven_world_of(run_dir: Path, devices: EmulatedDevices) -> DrivenWorld:

@@ -5,15 +5,24 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hardware.interfaces import HardwareError
+from hardware.parameters import ParametersError, load_parameters
+from hardware.sim.emulated.ethercat.devices import EtherCatDevices
+from hardware.sim.emulated.ethercat.namespace import SLAVES_END
 from hardware.sim.emulated.moteus.devices import MoteusDevices
 from hardware.sim.emulated.plant_drives import DrivenWorld, EmulatedDevices, driven_world_of
 from hardware.sim.process.settings import WorldSettings, load_settings
 
 
 def devices_of(run_dir: Path, settings: WorldSettings) -> EmulatedDevices:
-    """The devices that a world's settings name; raises ``HardwareError`` if they name none."""
+    """The devices that a world's settings name; ``HardwareError``: there are none, or no cable, or no such robot."""
     if settings.moteus is not None:
         return MoteusDevices(run_dir, settings.moteus)
+    if settings.ethercat is not None and settings.drives is not None:
+        try:
+            robot = load_parameters(settings.parameters_file)
+        except ParametersError as error:
+            raise HardwareError(f"this world cannot be made: {error}") from error
+        return EtherCatDevices(settings.ethercat, settings.drives, robot, SLAVES_END)
     raise HardwareError(f"the settings of the world in {run_dir} name no bus to emulate: start it through its rig")
 
 

@@ -83,6 +83,7 @@ class Plant:
         mujoco.mj_forward(model, self.data)
         self._find(pieces)
         self._switches = self._latched = 0
+        self._brake_open, self._brake_closed = np.zeros(3), np.ones(3)
         self._wake_up()
         self._switch(enabled=False, brake=True)
 
@@ -150,9 +151,17 @@ class Plant:
         if switches == self._switches:
             return
         self._switches = switches
-        drive = self.parameters.drive
+        self._set_friction()
+
+    def set_brakes(self, opened: Triple, closed: Triple) -> None:
+        """Shares of the brakes' torque that act on each servomotor while they are open, usually 0, and closed, 1."""
+        self._brake_open, self._brake_closed = np.array(opened), np.array(closed)
+        self._set_friction()
+
+    def _set_friction(self) -> None:
         coulomb = np.array([self.parameters.arm(number).coulomb for number in range(3)]) * self._flaws.friction
-        self.model.dof_frictionloss[self._servo_v] = drive.brake_torque + coulomb if brake else coulomb
+        share = self._brake_closed if self.braked else self._brake_open
+        self.model.dof_frictionloss[self._servo_v] = share * self.parameters.drive.brake_torque + coulomb
 
     def _trip(self, cause: int) -> None:
         """The drives switch themselves off and brake; the gripper keeps its grip, but opens no further."""

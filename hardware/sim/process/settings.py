@@ -5,6 +5,7 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
+from hardware.drives.ethercat.settings import EtherCatSettings
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.settings import DriveSettings
 from hardware.frozen import Frozen
@@ -12,6 +13,7 @@ from hardware.interfaces import LINGER, SEED, HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
+from hardware.sim.process.planted import PlantedFault
 from hardware.sim.process.randomisation import Randomisation, stand
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
@@ -42,6 +44,8 @@ class WorldOptions(Frozen):
     """After the controller is lost, wait this long for another one [s, wall]."""
     camera_latency: PositiveFloat = 0.060
     """From exposure to delivery of a frame, plant time [s]."""
+    planted: tuple[PlantedFault, ...] = ()
+    """Faults of emulated drives, which a bring-up or a driver has to find."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see
     ``hardware.sim.process.journal``."""
@@ -69,8 +73,22 @@ class WorldSettings(WorldOptions):
     those of the parameters."""
     moteus: MoteusSettings | None = None
     """The controllers of a moteus bus that are emulated; None: there are none."""
+    ethercat: EtherCatSettings | None = None
+    """The devices along an EtherCAT cable that are emulated; None: there are none. Such a world has a module of its own
+    for its process, see ``hardware.sim.emulated.ethercat.process``."""
     first_controller: NonNegativeFloat = 90.0
     """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
+
+    @model_validator(mode="after")
+    def _one_bus(self) -> Self:
+        named = [name for name in ("moteus", "ethercat") if getattr(self, name) is not None]
+        if len(named) > 1:
+            raise ValueError("both moteus and ethercat are given, and the drives are on one bus: leave one of them out")
+        if named and self.drives is None:
+            raise ValueError(
+                f"{named[0]} is given without drives: say in [drives] what the bus and the joints are like"
+            )
+        return self
 
 
 def keep_settings(settings: WorldSettings, run_dir: Path) -> None:

@@ -1,6 +1,7 @@
 """The slaves of a whole robot on one segment, as ``EmulatedDevices`` behind a raw socket."""
 
 import contextlib
+import socket
 import time
 from collections.abc import Sequence
 from typing import Final
@@ -8,8 +9,10 @@ from typing import Final
 from hardware.drives.ethercat.presets import MAKERS, Preset
 from hardware.drives.ethercat.settings import ARMS, Device, EtherCatSettings
 from hardware.drives.settings import DriveSettings, JointSettings
+from hardware.interfaces import HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.emulated.ethercat import namespace
+from hardware.sim.emulated.ethercat import registers as reg
 from hardware.sim.emulated.ethercat.clock import SlaveClock
 from hardware.sim.emulated.ethercat.drive import CST, CSV, DriveKind, EmulatedDrive
 from hardware.sim.emulated.ethercat.segment import ETHERTYPE, SlaveChain
@@ -17,8 +20,11 @@ from hardware.sim.emulated.ethercat.sii import Identity
 from hardware.sim.emulated.ethercat.slave import Application, Slave
 from hardware.sim.emulated.ethercat.terminals import AnalogTerminal, Coupler
 from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
+from hardware.sim.process.planted import PlantedKind
 
 _LONGEST_FRAME: Final = 2048
+_EXCESS_TEMPERATURE, _UNDER_VOLTAGE, _SYNCHRONISATION_ERROR = 0x4310, 0x3220, 0x001A
+"""Error codes of CiA 402, and an AL status code."""
 _GRIPPER_COUNTS: Final = 1 << 20
 _MAKER: Final = Identity(0x0000_07FF, 0x0402, 0x0001_0000, "CiA402")
 """Of drives that are nobody's: vendor numbers up to 0x7FF are for tests."""
@@ -38,7 +44,10 @@ class EtherCatDevices:
     def __init__(
         self, settings: EtherCatSettings, drives: DriveSettings, robot: RobotParameters, interface: str | None
     ) -> None:
-        """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``."""
+        """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``.
+
+        Raises ``HardwareError`` if there is no such end.
+        """
         self.drives = [
             EmulatedDrive(_kind(settings.preset, _counts(joint), joint.rated_torque, joint.ratio, robot), CST)
             for joint in drives.joints
@@ -59,10 +68,7 @@ class EtherCatDevices:
         self._closing_speed = 0.0
         self._due: list[Slave] = []
         self._heard, self._complete = -1.0, False
-        self._socket = None
-        if interface is not None:
-            self._socket = namespace.raw_socket(interface, ETHERTYPE)
-            self._socket.setblocking(False)
+        self._socket = None if interface is None else _open(interface)
 
     # EmulatedDevices
 
@@ -117,6 +123,50 @@ class EtherCatDevices:
         for slave in self.segment.slaves:
             slave.offer_inputs()
 
+    def plant(self, kind: PlantedKind, device: int, amount: float) -> None:
+        """See ``Faulty``."""
+        place, drive = self._place(device), (*self.drives, self.gripper)[device - 1]
+        slave = self.segment.slaves[place]
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                drive.flaws.follows = amount
+            case PlantedKind.TOO_HOT:
+                drive.fault(_EXCESS_TEMPERATURE)
+            case PlantedKind.UNDER_VOLTAGE:
+                drive.fault(_UNDER_VOLTAGE)
+            case PlantedKind.DROPS_OUT:
+                slave.drop(reg.SAFEOP, _SYNCHRONISATION_ERROR)
+            case PlantedKind.SILENT:
+                self._reach(place)
+            case PlantedKind.LOST_FRAMES:
+                self.segment.losing = int(amount)
+            case PlantedKind.CORRUPT_FRAMES:
+                self.segment.damaged_before, self.segment.damaging = place, int(amount)
+            case PlantedKind.WATCHDOG_DEAD:
+                slave.bites = False
+            case _:
+                raise ValueError(f"{kind} is no fault of a device")
+
+    def mend(self, kind: PlantedKind, device: int) -> None:
+        """See ``Faulty``. Drives with a fault of their own keep it until they are reset."""
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                (*self.drives, self.gripper)[device - 1].flaws.follows = 1.0
+            case PlantedKind.SILENT:
+                self._reach(len(self.segment.slaves))
+            case PlantedKind.LOST_FRAMES | PlantedKind.CORRUPT_FRAMES:
+                self.segment.losing = self.segment.damaging = 0
+            case PlantedKind.WATCHDOG_DEAD:
+                self.segment.slaves[self._place(device)].bites = True
+
+    def _place(self, device: int) -> int:
+        """Where a servomotor's drive, or the gripper's, stands along the cable."""
+        return self.segment.slaves.index(self.slaves[(*ARMS, Device.GRIPPER)[device - 1]])
+
+    def _reach(self, slaves: int) -> None:
+        self.segment.reach = slaves
+        self.segment.link_up()
+
     def close(self) -> None:
         """See ``EmulatedDevices``."""
         if self._socket is not None:
@@ -144,6 +194,18 @@ class EtherCatDevices:
         self._complete = True
         for slave in due:
             slave.offer_inputs()
+
+
+def _open(interface: str) -> socket.socket:
+    try:
+        raw = namespace.raw_socket(interface, ETHERTYPE)
+    except OSError as error:
+        raise HardwareError(
+            f"the cable's end {interface} of emulated EtherCAT devices cannot be opened ({error.strerror}): start "
+            "their world by 'python -P -m hardware.sim.emulated.ethercat.process', which makes the cable first"
+        ) from error
+    raw.setblocking(False)
+    return raw
 
 
 def _counts(joint: JointSettings) -> int:

@@ -1,6 +1,7 @@
 """Emulated controllers as devices of a plant: three servomotors, the gripper, and the relay of the brakes."""
 
 import math
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,12 +12,15 @@ from hardware.drives.moteus.settings import MoteusSettings, PinSettings
 from hardware.sim.emulated.moteus.adapter import EmulatedAdapter
 from hardware.sim.emulated.moteus.controller import EmulatedController
 from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
+from hardware.sim.process.planted import PlantedKind
 
 PORT: Final = "moteus"
 """Name of the pseudo-terminal's link in the run directory."""
 RELAY_TIME: Final = 0.044
 """The relay of the brakes lets go when its input has not changed for so long [s]."""
 _GRIPPER: Final = 3
+_TOO_HOT, _TOO_LITTLE, _DRIVER_FAULT = 95.0, 11.0, 33
+"""What a controller says when it is too hot [°C], has too little voltage [V], or its motor driver fails (a code)."""
 
 
 class MoteusDevices:
@@ -66,6 +70,46 @@ class MoteusDevices:
         self.controllers[_GRIPPER].sense(state.gripper_angle, 0.0)
         for (controller, register), reading in zip(self._inputs, state.readings, strict=False):
             controller.inputs[register] = reading
+
+    def plant(self, kind: PlantedKind, device: int, amount: float) -> None:
+        """See ``Faulty``."""
+        injected = self.controllers[device - 1].injected
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                injected.torque_share = amount
+            case PlantedKind.TOO_HOT:
+                injected.temperature = _TOO_HOT
+            case PlantedKind.UNDER_VOLTAGE:
+                injected.voltage = _TOO_LITTLE
+            case PlantedKind.DROPS_OUT:
+                injected.code = _DRIVER_FAULT
+            case PlantedKind.SILENT:
+                injected.lost_replies = sys.maxsize
+            case PlantedKind.LOST_FRAMES:
+                injected.lost_replies = int(amount)
+            case PlantedKind.CORRUPT_FRAMES:
+                injected.corrupt_replies = int(amount)
+            case PlantedKind.WATCHDOG_DEAD:
+                injected.watchdog_bites = False
+            case _:
+                raise ValueError(f"{kind} is no fault of a device")
+
+    def mend(self, kind: PlantedKind, device: int) -> None:
+        """See ``Faulty``."""
+        injected = self.controllers[device - 1].injected
+        match kind:
+            case PlantedKind.NOT_FOLLOWED:
+                injected.torque_share = 1.0
+            case PlantedKind.TOO_HOT:
+                injected.temperature = None
+            case PlantedKind.UNDER_VOLTAGE:
+                injected.voltage = None
+            case PlantedKind.SILENT | PlantedKind.LOST_FRAMES:
+                injected.lost_replies = 0
+            case PlantedKind.CORRUPT_FRAMES:
+                injected.corrupt_replies = 0
+            case PlantedKind.WATCHDOG_DEAD:
+                injected.watchdog_bites = True
 
     def close(self) -> None:
         """See ``EmulatedDevices``."""

@@ -23,8 +23,8 @@ from hardware.drives.settings import DriveSettings, ForceSettings, JointSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.emulated.ethercat import namespace
-from hardware.sim.emulated.ethercat.process import SETTINGS_FILE
-from hardware.sim.process.settings import FILE_NAME, WorldSettings
+from hardware.sim.process.settings import WorldSettings, keep_settings
+from tests.hardware.drives.ethercat.privileges import require_privileges
 
 DRIVES = DriveSettings(
     joints=(JointSettings(encoder_bits=22, sign=-1, offset=0.3), JointSettings(encoder_bits=22), JointSettings()),
@@ -44,26 +44,16 @@ class Opened(NamedTuple):
     told: list[str]
 
 
-def require_network() -> None:
-    """Raw sockets in a network of one's own: without them CI fails, and elsewhere the reason is said."""
-    if namespace.privileged():
-        return
-    reason = "this process may not enter another network (no CAP_SYS_ADMIN): run as root, or under 'unshare -r'"
-    if os.environ.get("CI") or os.environ.get("TOUCHMOVE_CI"):
-        pytest.fail(reason)
-    pytest.skip(reason)
-
-
 @pytest.fixture(scope="module", params=["generic", "mr-j4-tm"])
 def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    require_network()
+    require_privileges()
     run_dir: Path = tmp_path_factory.mktemp("ethercat")
     settings = EtherCatSettings(interface=namespace.MASTER_END, preset=request.param)
     world = WorldSettings(
-        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES
-    )
-    (run_dir / FILE_NAME).write_text(world.model_dump_json(), encoding="utf-8")
-    (run_dir / SETTINGS_FILE).write_text(settings.model_dump_json(), encoding="utf-8")
+        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES,
+        ethercat=settings,
+    )  # fmt: skip
+    keep_settings(world, run_dir)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "hardware.sim.emulated.ethercat.process", str(run_dir)], env=os.environ
     )

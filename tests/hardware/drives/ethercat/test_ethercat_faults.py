@@ -21,6 +21,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.emulated.ethercat.devices import EtherCatDevices
 from hardware.sim.emulated.plant_drives import MotorState
+from tests.hardware.drives.ethercat.privileges import require_privileges
 
 SETTINGS, DRIVES = EtherCatSettings(interface=namespace.MASTER_END), DriveSettings()
 ROBOT = DRIVES.robot(load_parameters())
@@ -106,11 +107,7 @@ class Bench(NamedTuple):
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    if not namespace.privileged():
-        reason = "this process may not enter another network (no CAP_SYS_ADMIN): run as root, or under 'unshare -r'"
-        if os.environ.get("CI") or os.environ.get("TOUCHMOVE_CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    require_privileges()
     context = multiprocessing.get_context("spawn")
     control, theirs = context.Pipe()
     process = context.Process(target=emulate, args=(theirs,), daemon=True)
