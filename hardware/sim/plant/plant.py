@@ -175,6 +175,11 @@ class Plant:
         u[3] = min(u[3], 0.0)
 
     @property
+    def grip(self) -> float:
+        """Velocity with which each finger is pressed to close now, at most 0 [m/s]."""
+        return min(0.0, float(self.data.ctrl[3]))
+
+    @property
     def braked(self) -> bool:
         """True while the brakes are closed."""
         return bool(self._switches & _BRAKED)

@@ -197,10 +197,10 @@ class EmulatedController:
         return self.mode not in _IDLE
 
     @property
-    def asked_velocity(self) -> float:
-        """What the motor is asked for in position mode [rad/s]; 0 in others."""
-        if self.mode is Mode.TIMEOUT or self.mode in _IDLE:
-            return 0.0
+    def asked_velocity(self) -> float | None:
+        """What the motor is asked for in position mode [rad/s]; None in others."""
+        if self.mode is not Mode.POSITION:
+            return None
         return self._command[Register.COMMAND_VELOCITY] * TURN
 
     def _torque(self, elapsed: float) -> float:
