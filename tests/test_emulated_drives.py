@@ -24,10 +24,11 @@ forces = [{ id = 4, aux = 1, pin = 1 }, { id = 4, aux = 1, pin = 2 }]
     "ethercat": "forces = [{ gain = 4.0 }, { gain = 4.0 }]\n",
 }
 WORDS = {
-    "too-hot": DriveTrouble.TOO_HOT, "under-voltage": DriveTrouble.UNDER_VOLTAGE, "silent": DriveTrouble.NO_REPLY,
-    "encoder-jump": DriveTrouble.ENCODER_JUMPED, "not-followed": DriveTrouble.TORQUE_NOT_FOLLOWED,
-}  # fmt: skip
-"""What is planted, and what it is told as."""
+    "too-hot": DriveTrouble.TOO_HOT,
+    "under-voltage": DriveTrouble.UNDER_VOLTAGE,
+    "silent": DriveTrouble.NO_REPLY,
+}
+"""What is planted, and what it is told as; what stays until it is mended, since nobody knows what the arm does then."""
 
 
 def rig_file(folder: Path, bus: str, planted: list[str]) -> Path:
@@ -56,10 +57,10 @@ def test_a_game_goes_on_after_each_fault_and_the_controller_names_it(
     """However often the drives brake, as they also do where this machine is too busy for them: nothing is lost."""
     rng = random.Random(f"faults of {bus}")
     kinds = rng.sample(sorted(WORDS), 2)
-    moments = [rng.uniform(7.0, 9.0), rng.uniform(20.0, 25.0)]
+    moments = [rng.uniform(7.0, 9.0), rng.uniform(22.0, 26.0)]
     devices = [rng.randint(1, 3) for _ in kinds]
     rig = rig_file(tmp_path / "lab", bus, [
-        f'{{ kind = "{kind}", device = {device}, at = {at:.3f}, until = {at + 6.0:.3f} }}'
+        f'{{ kind = "{kind}", device = {device}, at = {at:.3f}, until = {at + 9.0:.3f} }}'
         for kind, device, at in zip(kinds, devices, moments, strict=True)
     ])  # fmt: skip
     controller = by_hand(rig)
