@@ -33,6 +33,18 @@ class TickClock:
             pass
         return now
 
+    def answered(self) -> int:
+        """The tick that counts for what was asked at the last one and has been answered now.
+
+        Where that took longer than its tick, nobody knows in which one it was measured: the last one that it reached
+        counts, and the next one is left out, so that the count says that some are missing.
+        """
+        tick = int((time.monotonic() - self._shift) / self._period)
+        if tick <= self.tick:
+            return self.tick
+        self.tick = tick + 1
+        return tick
+
     def shift(self, seconds: float) -> None:
         """All ticks to come are later by so much; for a bus that has to keep in step with another clock."""
         self._shift += seconds

@@ -95,6 +95,7 @@ class MoteusServoBus:
         self._clock = TickClock(self.period)
         self._tick = self._clock.tick
         self._sent = self._fed = math.nan
+        self.took = 0.0
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``. A fault is cleared by an exchange without ``enable`` in which all are well."""
@@ -133,7 +134,8 @@ class MoteusServoBus:
         self._tick = self._clock.tick
         self._send(command, elapsed)
         self._take(command, elapsed)
-        if (answered := time.monotonic()) - self._sent > self.period:
+        self.took = (answered := time.monotonic()) - self._sent
+        if self.took > self.period:
             # nobody knows in which of these ticks it was measured: the count says that some are missing
             self._tick = int(answered / self.period)
             self._clock.tick = self._tick + 1

@@ -53,6 +53,18 @@ def test_whoever_is_late_leaves_ticks_out_and_comes_back_to_whole_periods(time: 
     assert ticks.next() == pytest.approx((first + 32) * PERIOD, abs=3e-6)
 
 
+def test_an_answer_beyond_its_tick_leaves_the_next_one_out(time: Time) -> None:
+    ticks, first = TickClock(PERIOD), tick_now(PERIOD)
+    ticks.next()
+    time.now += 0.4e-3
+    assert ticks.answered() == first + 1
+    ticks.next()
+    assert ticks.tick == first + 2
+    time.now += 3.4e-3
+    assert ticks.answered() == first + 5
+    assert ticks.next() == pytest.approx((first + 7) * PERIOD, abs=3e-6)
+
+
 def test_a_shift_moves_all_ticks_to_come_and_not_their_number(time: Time) -> None:
     ticks, first = TickClock(PERIOD), tick_now(PERIOD)
     for k in range(1, 2001):
