@@ -129,6 +129,7 @@ def commission(
     rig: Annotated[str, typer.Option(help="TOML file of the arm's rig.")],
     status: Annotated[bool, typer.Option("--status", help="Only say where it stands.")] = False,
     start: Annotated[str | None, typer.Option("--from", help="Do this step, and all after it, again.")] = None,
+    game: Annotated[bool, typer.Option("--game", help="Play the first game, too; set the pieces up.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Nobody is asked: go on whatever is asked.")] = False,
     answers: Annotated[
         Path | None, typer.Option(help="TOML file with answers: measured_tool [mm], pole_pairs.")
@@ -156,7 +157,7 @@ def commission(
             given = given.model_copy(update={"measured_tool": point})
         person = Person(given, None if yes else ask)
         first = None if start is None else Step(start)
-        return run_commission(rig, person, say, start=first, status=status)
+        return run_commission(rig, person, say, start=first, status=status, game=game)
 
     show_report(bring_up, as_json)
 

@@ -33,17 +33,17 @@ class TickClock:
             pass
         return now
 
-    def answered(self) -> int:
-        """The tick that counts for what was asked at the last one and has been answered now.
+    def told(self, answered: float) -> int:
+        """Tick of a measurement that was asked for in this tick and had then (``time.monotonic``) [s].
 
-        Where that took longer than its tick, nobody knows in which one it was measured: the last one that it reached
-        counts, and the next one is left out, so that the count says that some are missing.
+        If that took more than a period, nobody knows in which tick it was made: it is told with the one that it came
+        in, and the next is left out, so that neither neighbour follows it.
         """
-        tick = int((time.monotonic() - self._shift) / self._period)
-        if tick <= self.tick:
+        came = int((answered - self._shift) / self._period)
+        if came <= self.tick:
             return self.tick
-        self.tick = tick + 1
-        return tick
+        self.tick = came + 1
+        return came
 
     def shift(self, seconds: float) -> None:
         """All ticks to come are later by so much; for a bus that has to keep in step with another clock."""

@@ -77,8 +77,8 @@ class WatchedBus:
         asked, before = _triple(torque), self.farthest
         if before + self._widest >= TOTAL_WAY:
             raise BringUpStopped(
-                f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it at once, "
-                f"and {TOTAL_WAY:g} rad are allowed: the brakes are too slow; see to their supply and varistors"
+                f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it "
+                f"in one opening, and {TOTAL_WAY:g} rad are allowed: the brakes are too slow, see to their supply"
             )
         try:
             self._for(_SWITCHING, asked, brake=True)

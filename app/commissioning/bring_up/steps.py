@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
-from rich.table import Table
+from rich.console import Group, RenderableType
 
 from app import UserError
-from app.commissioning.check_report import CheckState, Finding
+from app.commissioning.check_report import Finding, findings_table
 from app.records.files import write_atomically
 from app.rig.rig_file import RigFile
 from app.terminal.report_table import judged, rows_table
@@ -182,16 +182,17 @@ class CommissionReport(Frozen):
     next: str
     """What to do next, one sentence."""
 
-    def table(self) -> Table:
+    def table(self) -> RenderableType:
         """One screen for people."""
-        columns = ("step", "state", "", "what to do")
-        holds = {StepState.HELD: True, StepState.FAILED: False, StepState.VOID: None, StepState.OPEN: None}
-        rows = []
-        for line in self.steps:
-            when = "" if line.when is None else f"{line.when.astimezone():%Y-%m-%d %H:%M}"
-            rows.append((line.step.value, judged(line.state.value, holds[line.state]), when, ""))
-        wrong = {CheckState.GOOD: True, CheckState.WRONG: False, CheckState.LEFT_OUT: None}
-        for one in self.findings:
-            found = judged(f"{one.what}: {one.found}", wrong[one.state])
-            rows.append(("", one.device, found, one.advice if one.state is CheckState.WRONG else ""))  # type: ignore[arg-type]
-        return rows_table(columns, rows, f"rig {self.rig}: {self.next}")
+        rows = [
+            (line.step.value, judged(line.state.value, _HOLDS[line.state]),
+             "" if line.when is None else f"{line.when.astimezone():%Y-%m-%d %H:%M}")
+            for line in self.steps
+        ]  # fmt: skip
+        steps = rows_table(("step", "state", "last done"), rows, f"rig {self.rig}: {self.next}")
+        if not self.findings:
+            return steps
+        return Group(findings_table(self.findings, "the last step found"), "", steps)
+
+
+_HOLDS: Final = {StepState.HELD: True, StepState.FAILED: False, StepState.VOID: None, StepState.OPEN: None}

@@ -105,7 +105,7 @@ class EtherCatServoBus:
             if self._cycle(command):
                 break
             self._miss(began)
-        measurement = self._measure(command, self._clock.answered())
+        measurement = self._measure(command)
         self.took = time.monotonic() - began
         return measurement
 
@@ -157,8 +157,9 @@ class EtherCatServoBus:
 
     # what came back
 
-    def _measure(self, command: Command, tick: int) -> Measurement:
+    def _measure(self, command: Command) -> Measurement:
         now = time.monotonic()
+        tick = self._clock.told(now)
         self._unanswered = None
         elapsed = now - self._answered
         silent = elapsed > self._watchdog and self._energised

@@ -131,14 +131,10 @@ class MoteusServoBus:
         """Wait for the next tick, tell all of them, and take their answers."""
         before, self._sent = self._sent, self._clock.next()
         elapsed = self._sent - before if math.isfinite(before) else self.period
-        self._tick = self._clock.tick
         self._send(command, elapsed)
         self._take(command, elapsed)
         self.took = (answered := time.monotonic()) - self._sent
-        if self.took > self.period:
-            # nobody knows in which of these ticks it was measured: the count says that some are missing
-            self._tick = int(answered / self.period)
-            self._clock.tick = self._tick + 1
+        self._tick = self._clock.told(answered)
 
     # commands
 

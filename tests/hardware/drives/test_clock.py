@@ -53,18 +53,6 @@ def test_whoever_is_late_leaves_ticks_out_and_comes_back_to_whole_periods(time: 
     assert ticks.next() == pytest.approx((first + 32) * PERIOD, abs=3e-6)
 
 
-def test_an_answer_beyond_its_tick_leaves_the_next_one_out(time: Time) -> None:
-    ticks, first = TickClock(PERIOD), tick_now(PERIOD)
-    ticks.next()
-    time.now += 0.4e-3
-    assert ticks.answered() == first + 1
-    ticks.next()
-    assert ticks.tick == first + 2
-    time.now += 3.4e-3
-    assert ticks.answered() == first + 5
-    assert ticks.next() == pytest.approx((first + 7) * PERIOD, abs=3e-6)
-
-
 def test_a_shift_moves_all_ticks_to_come_and_not_their_number(time: Time) -> None:
     ticks, first = TickClock(PERIOD), tick_now(PERIOD)
     for k in range(1, 2001):
@@ -72,3 +60,15 @@ def test_a_shift_moves_all_ticks_to_come_and_not_their_number(time: Time) -> Non
         shifted = -k * 1e-6 if k <= 1500 else (k - 3000) * 1e-6
         assert ticks.next() == pytest.approx((first + k) * PERIOD + shifted, abs=3e-6)
         assert ticks.tick == first + k
+
+
+@pytest.mark.parametrize(("took", "gap"), [(0.0004, 0), (0.0009, 0), (0.0012, 1), (0.0061, 6)])
+def test_what_was_measured_late_follows_no_neighbour(time: Time, took: float, gap: int) -> None:
+    ticks = TickClock(PERIOD)
+    before = ticks.told(ticks.next())
+    began = ticks.next()
+    time.now = began + took
+    told = ticks.told(time.now)
+    assert told == before + 1 + gap
+    after = ticks.told(ticks.next())
+    assert after == told + (2 if gap else 1)
