@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
-from app.cli.devices import calibrate, check, controller, identify, link_test, world
+from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
 from app.cli.ending import fail
 from app.cli.games import demo, play, replay, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
@@ -53,8 +53,8 @@ app = typer.Typer(
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report, "film": film,
     "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
-    "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision, "figures": figures,
-    "bench": bench,
+    "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
+    "figures": figures, "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

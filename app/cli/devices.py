@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from app.cli.ending import fail, run_process, say, show_report
+from app.cli.ending import ask, fail, run_process, say, show_report
+
+if TYPE_CHECKING:
+    from app.commissioning.bring_up.steps import CommissionReport
 
 _Rig = Annotated[str, typer.Option(help="sim, which is started for it, or the TOML file of a lab's rig.")]
 
@@ -120,6 +123,43 @@ def identify(
             return run_identify(rig, out, pole_pairs, say, Meter(tell))
 
     show_report(find, as_json)
+
+
+def commission(
+    rig: Annotated[str, typer.Option(help="TOML file of the arm's rig.")],
+    status: Annotated[bool, typer.Option("--status", help="Only say where it stands.")] = False,
+    start: Annotated[str | None, typer.Option("--from", help="Do this step, and all after it, again.")] = None,
+    game: Annotated[bool, typer.Option("--game", help="Play the first game, too; set the pieces up.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Nobody is asked: go on whatever is asked.")] = False,
+    answers: Annotated[
+        Path | None, typer.Option(help="TOML file with answers: measured_tool [mm], pole_pairs.")
+    ] = None,
+    measured_tool: Annotated[
+        str | None,
+        typer.Option(help="Where the tool was measured, x,y,height from the board's centre [mm]; asked if left out."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the steps and the last findings as JSON.")] = False,
+) -> None:
+    """Bring an arm up, step by step, from the first switch-on to its first game. Keep hands away."""
+    from app.commissioning.bring_up.commission import run_commission
+    from app.commissioning.bring_up.person import Answers, Person, load_answers, parse_triple
+    from app.commissioning.bring_up.steps import Step
+
+    if start is not None and start not in list(Step):
+        fail(f"'--from {start}' is no step, choose from: {', '.join(Step)}")
+
+    def bring_up() -> CommissionReport:
+        given = Answers() if answers is None else load_answers(answers)
+        if measured_tool is not None:
+            point = parse_triple(measured_tool)
+            if point is None:
+                fail(f"'--measured-tool {measured_tool}' is no point: give x,y,height [mm], such as 0,-75,145")
+            given = given.model_copy(update={"measured_tool": point})
+        person = Person(given, None if yes else ask)
+        first = None if start is None else Step(start)
+        return run_commission(rig, person, say, start=first, status=status, game=game)
+
+    show_report(bring_up, as_json)
 
 
 def link_test(

@@ -49,6 +49,15 @@ def say(step: str) -> None:
     print(f"touchmove: {step}", file=sys.stderr, flush=True)
 
 
+def ask(question: str) -> str:
+    """Ask a person at the terminal; the line that they type. Ends the program where nobody can type."""
+    print(f"touchmove: {question}", end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline()
+    if not line:
+        fail("nobody answers: say --yes, and give the answers by options")
+    return line.rstrip("\n")
+
+
 def interrupt(_number: int, _frame: FrameType | None) -> None:
     """Handler of signals that ask for the end."""
     raise KeyboardInterrupt

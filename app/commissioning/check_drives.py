@@ -4,6 +4,7 @@ controller.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,12 +25,14 @@ SETTLING: Final = 0.5  # before that, as a share of it
 PERIOD_TOLERANCE: Final = 0.02  # of the tick's length
 LOST_TICKS: Final = 0.01  # share of ticks that may go by without an exchange, on a PC that does other things as well
 STILL: Final = 0.01  # closed brakes hold the servomotors below this [rad/s]
+_WINDOW: Final = 20  # ticks over whose mean velocities count: an encoder that flickers does not move
 NOISE_COUNTS: Final = 4.0  # standard deviation of an encoder at rest [counts]
 FINGER_TOLERANCE: Final = 0.001  # beyond its stroke [m]
 TACTILE_OFFSET: Final = 0.5
 TACTILE_NOISE: Final = 0.2
 """Of a finger that holds nothing [N]."""
 SILENCE: Final = 5.0  # how long nothing is said to try the drives' watchdog, in its own times
+_HALVINGS: Final = 4  # of twice its time, until it is known when it bites
 BELOW_BOARD: Final = 0.02  # the tool cannot be deeper than so far below the playing surface [m]
 
 _REST: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=True)
@@ -133,7 +136,8 @@ def _judge_encoders(drives: Judge, heard: Heard, parameters: RobotParameters) ->
     if not np.isfinite(heard.angle).all() or not np.isfinite(heard.velocity).all():
         drives.wrong("encoders", "they say something that is no number", "see to the encoders' cables")
         return
-    fastest = float(np.abs(heard.velocity).max())
+    window = np.full(_WINDOW, 1.0 / _WINDOW)
+    fastest = max(float(np.abs(np.convolve(one, window, "valid")).max()) for one in heard.velocity.T)
     drives.judge(
         "brakes", f"servomotors move by up to {fastest:.4f} rad/s", fastest <= STILL,
         "the brakes do not hold, or a person moves the arm: see to the brakes before anything else",
@@ -174,14 +178,52 @@ def _judge_watchdog(drives: Judge, bus: ServoBus, parameters: RobotParameters) -
         drives.wrong("watchdog", "the amplifiers do not switch on", "see to their enable line and emergency stop")
         return
     limit = parameters.drive.watchdog_ticks * bus.period
-    silence = SILENCE * limit
+    advice = (
+        f"the drives must brake by themselves {1e3 * limit:.0f} ms after the last command: nothing above them does it"
+    )
+    if not _bites(bus, SILENCE * limit):
+        drives.wrong("watchdog", f"it does not bite within {1e3 * SILENCE * limit:.0f} ms of silence", advice)
+    else:
+        bears, bites = _bite_time(bus, 2.0 * limit)
+        drives.judge(
+            "watchdog",
+            f"bites after {1e3 * bears:.0f} to {1e3 * bites:.0f} ms of silence, {1e3 * limit:.0f} ms stated",
+            bites <= 2.0 * limit and bears > 0.0, advice,
+        )  # fmt: skip
+    _judge_disable(drives, bus)
+
+
+def _bites(bus: ServoBus, silence: float) -> bool:
+    """Whether amplifiers that are on, brakes closed, switch off after so long a silence [s]; they are off then."""
+    for _ in range(20):
+        bus.exchange(_POWERED)
     time.sleep(silence)
     after = bus.exchange(_POWERED)
     bus.exchange(_REST)
+    return bool(after.status & DriveStatus.WATCHDOG) and not after.status & DriveStatus.ENABLED
+
+
+def _bite_time(bus: ServoBus, longest: float) -> tuple[float, float]:
+    """Between which silences the watchdog begins to bite [s]; the second is infinite where ``longest`` is too short."""
+    if not _bites(bus, longest):
+        return longest, math.inf
+    low, high = 0.0, longest
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _bites(bus, middle) else (middle, high)
+    return low, high
+
+
+def _judge_disable(drives: Judge, bus: ServoBus) -> None:
+    """What STOP ends with: amplifiers off, brakes on."""
+    for _ in range(20):
+        bus.exchange(_POWERED)
+    for _ in range(5):
+        off = bus.exchange(_REST)
     drives.judge(
-        "watchdog", f"after {1e3 * silence:.0f} ms of silence: {(after.status.name or 'OK').lower()}",
-        bool(after.status & DriveStatus.WATCHDOG) and not after.status & DriveStatus.ENABLED,
-        f"the drives must brake by themselves {1e3 * limit:.0f} ms after the last command: nothing above them does it",
+        "switching off", (off.status.name or "OK").replace("|", ", ").lower(),
+        bool(off.status & DriveStatus.BRAKED) and not off.status & DriveStatus.ENABLED,
+        "a drive that is disabled must close its brake: see to the brakes' relay",
     )  # fmt: skip
 
 
@@ -203,5 +245,12 @@ def _judge_gripper(heard: Heard, parameters: RobotParameters) -> list[Finding]:
             what, f"{offset:.2f} N ± {spread:.2f} N, holding nothing",
             abs(offset) <= TACTILE_OFFSET and spread <= TACTILE_NOISE,
             "take everything out of the fingers and set the sensor's zero; see to its cable if it is noisy",
+        )  # fmt: skip
+    dead = heard.tactile.min(axis=0) == heard.tactile.max(axis=0)
+    if dead.any() and not dead.all():  # both: there are none, or the simulation is ideal
+        side = "right" if dead[0] else "left"
+        gripper.wrong(
+            f"{side} sensor", f"says {mean[0 if dead[0] else 1]:.2f} N in every tick; the other one flickers",
+            "it is dead: see to its cable and amplifier",
         )  # fmt: skip
     return gripper.findings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from typing import Final
 
@@ -47,13 +47,18 @@ class CheckReport(Frozen):
         """One screen for people."""
         wrong = sum(one.state is CheckState.WRONG for one in self.findings)
         verdict = "all is well" if self.holds else f"{wrong} thing{'s' * (wrong > 1)} wrong"
-        before = ("", *(one.device for one in self.findings))
-        rows = [
-            ("" if one.device == last else one.device, one.what, judged(one.found, _HOLDS[one.state]),
-             one.advice if one.state is CheckState.WRONG else "")
-            for one, last in zip(self.findings, before, strict=False)
-        ]  # fmt: skip
-        return rows_table(("device", "what", "found", "what to do"), rows, f"rig {self.rig}: {verdict}")
+        return findings_table(self.findings, f"rig {self.rig}: {verdict}")
+
+
+def findings_table(findings: Sequence[Finding], title: str) -> Table:
+    """A line for each finding; each device is named once."""
+    before = ("", *(one.device for one in findings))
+    rows = [
+        ("" if one.device == last else one.device, one.what, judged(one.found, _HOLDS[one.state]),
+         one.advice if one.state is CheckState.WRONG else "")
+        for one, last in zip(findings, before, strict=False)
+    ]  # fmt: skip
+    return rows_table(("device", "what", "found", "what to do"), rows, title)
 
 
 _HOLDS: Final = {CheckState.GOOD: True, CheckState.WRONG: False, CheckState.LEFT_OUT: None}

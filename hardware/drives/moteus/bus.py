@@ -95,6 +95,7 @@ class MoteusServoBus:
         self._clock = TickClock(self.period)
         self._tick = self._clock.tick
         self._sent = self._fed = math.nan
+        self.took = 0.0
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``. A fault is cleared by an exchange without ``enable`` in which all are well."""
@@ -130,13 +131,10 @@ class MoteusServoBus:
         """Wait for the next tick, tell all of them, and take their answers."""
         before, self._sent = self._sent, self._clock.next()
         elapsed = self._sent - before if math.isfinite(before) else self.period
-        self._tick = self._clock.tick
         self._send(command, elapsed)
         self._take(command, elapsed)
-        if (answered := time.monotonic()) - self._sent > self.period:
-            # nobody knows in which of these ticks it was measured: the count says that some are missing
-            self._tick = int(answered / self.period)
-            self._clock.tick = self._tick + 1
+        self.took = (answered := time.monotonic()) - self._sent
+        self._tick = self._clock.told(answered)
 
     # commands
 

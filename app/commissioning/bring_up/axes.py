@@ -1,0 +1,162 @@
+"""Step ``axes``: each encoder, motor and brake alone, by openings of the brakes for some milliseconds.
+
+In this order, and each only if the one before it held: closed brakes bear a torque; the arm falls freely for 3 mrad;
+each axis is held against most of its gravity meanwhile; all are; and the tool is where the encoders say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from app.commissioning.bring_up.axis_judgement import (
+    Expected,
+    coupling_of,
+    judge_all_standing,
+    judge_brake,
+    judge_fall,
+    judge_floating,
+    judge_standing,
+    judge_torques,
+    judge_zero,
+    standing_axes,
+    torque_gains,
+)
+from app.commissioning.bring_up.openings import (
+    OPENING_TIME,
+    ROOM,
+    SLIP,
+    TOTAL_WAY,
+    BringUpStopped,
+    Opening,
+    WatchedBus,
+    accelerations,
+)
+from app.commissioning.check_report import CheckState, Finding, Judge
+from controller.model.compiled import FloatArray
+from controller.model.constants import DeltaModel
+from controller.model.reach import PoseError, posture_at, tool_point_at
+from hardware.interfaces import BusLost, ServoBus
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+
+BRAKE_LOAD: Final = 1.3
+"""Closed brakes have to bear so many times the largest torque of gravity."""
+LARGEST_GRAVITY: Final = 1.76
+"""In the workspace, at the corner squares [N m]; computed with the default parameters (docs/motion.md)."""
+SUPPORT: Final = 0.6
+"""Share of its gravity against which an axis is held: less than all, so that it falls under either and friction cancels
+out."""
+LEAST_SUPPORT: Final = 0.3
+"""[N m]: well above friction and cogging."""
+ZERO_TOLERANCE: Final = 0.026
+"""Of an encoder's zero [rad], 1.5°: a tool point that a person measures to 3 mm leaves 1°."""
+
+AskTool = Callable[[FloatArray], FloatArray]
+"""Given the tool point that the encoders say, where a person measured it; both board frame, (3,) [m]."""
+Progress = Callable[[str], None]
+
+
+def try_axes(
+    bus: ServoBus, parameters: RobotParameters, table: TableSettings, ask_tool: AskTool, progress: Progress
+) -> list[Finding]:
+    """Try each axis of a bus that is open; the arm is left on its brakes. The last finding is how far it moved."""
+    arm = Judge("arm")
+    watched: WatchedBus | None = None
+    found: list[Finding] = []
+    try:
+        watched = WatchedBus(bus)
+        found = _try_all(watched, DeltaModel(parameters), table, progress)
+        if all(one.state is CheckState.GOOD for one in found):
+            found += _try_zero(watched.angle, DeltaModel(parameters), table, ask_tool)
+    except BringUpStopped as error:
+        arm.wrong("stopped", str(error), "see to what it says, then do this step again")
+    except BusLost as error:
+        arm.wrong("connection", str(error), "see to their power and cables, then begin again")
+    if watched is not None:
+        arm.good("moved", f"{1e3 * watched.farthest:.1f} mrad at most, {1e3 * TOTAL_WAY:.0f} mrad allowed")
+    return found + arm.findings
+
+
+def _try_all(watched: WatchedBus, model: DeltaModel, table: TableSettings, progress: Progress) -> list[Finding]:
+    expected = Expected.at(model, watched.angle)
+    arm = Judge("arm")
+    if expected is None:
+        arm.wrong("pose", "no tool point belongs to its angles", "see to the encoders' zeros, ratios and bits")
+        return arm.findings
+    height = float(table.board_from_base(tool_point_at(model, watched.angle))[2])
+    if height < ROOM:
+        arm.wrong(
+            "room", f"the tool is {1e3 * height:.0f} mm above the board, {1e3 * ROOM:.0f} mm are needed",
+            "release the brakes by hand, lift the arm, let them bite, then begin again",
+        )  # fmt: skip
+        return arm.findings
+    progress(f"pulling at the closed brakes with up to {BRAKE_LOAD * LARGEST_GRAVITY:.1f} N m: nothing may move")
+    found = _try_brakes(watched)
+    if not _good(found):
+        return found
+    progress("opening the brakes for some milliseconds, five times: the tool drops by a millimetre each time")
+    opening = watched.open_briefly(np.zeros(3))
+    fall = accelerations(opening)
+    count = 2.0 * np.pi / 2.0**model.parameters.drive.encoder_bits
+    standing = standing_axes(opening.angle[-1] - opening.angle[0], count)
+    if standing:
+        return found + _try_standing(watched, standing, expected)
+    found += judge_fall(fall, _velocity_error(opening), expected)
+    if not _good(found):
+        return found
+    torques = np.maximum(SUPPORT * np.abs(expected.gravity), LEAST_SUPPORT) * np.sign(expected.gravity)
+    falls = np.array([accelerations(watched.open_briefly(np.diag(torques)[axis])) for axis in range(3)])
+    found += judge_torques(torque_gains(falls, fall, torques, expected))
+    if _good(found):
+        found.append(judge_floating(accelerations(watched.open_briefly(expected.gravity)), expected))
+    return found
+
+
+def _good(found: list[Finding]) -> bool:
+    return all(one.state is CheckState.GOOD for one in found)
+
+
+def _try_brakes(watched: WatchedBus) -> list[Finding]:
+    """One after the other, both ways; the first that slips ends it."""
+    load = BRAKE_LOAD * LARGEST_GRAVITY
+    found: list[Finding] = []
+    for axis in range(3):
+        turned = max(watched.pull(axis, torque) for torque in (load, -load))
+        found.append(judge_brake(axis, turned, load, SLIP))
+        if not _good(found):
+            break
+    return found
+
+
+def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) -> list[Finding]:
+    """Where an axis stands though the brakes are told to be open: whether its shaft turns all the same."""
+    if len(standing) == 3:
+        return [judge_all_standing(OPENING_TIME)]
+    found = []
+    for axis in standing:
+        torque = np.zeros(3)
+        torque[axis] = max(SUPPORT * abs(expected.gravity[axis]), LEAST_SUPPORT)
+        up, down = (accelerations(watched.open_briefly(sign * torque)) for sign in (-1.0, 1.0))
+        found.append(judge_standing(axis, coupling_of(axis, up, down, float(torque[axis]), expected)))
+    return found
+
+
+def _velocity_error(opening: Opening) -> FloatArray:
+    """How much the drives' velocities differ from the change of their angles in the last third, as a share of it."""
+    late = len(opening.time) // 3 + 1
+    changed = (opening.angle[-1] - opening.angle[-late]) / (opening.time[-1] - opening.time[-late])
+    return np.asarray(opening.velocity[-late:].mean(axis=0) / changed - 1.0, dtype=np.float64)
+
+
+def _try_zero(angle: FloatArray, model: DeltaModel, table: TableSettings, ask_tool: AskTool) -> list[Finding]:
+    measured = ask_tool(table.board_from_base(tool_point_at(model, angle)))
+    try:
+        there = posture_at(model, table.base_from_board(measured)).y
+    except PoseError as error:
+        judge = Judge("arm")
+        judge.wrong("zero", f"the tool cannot be where it was measured: {error}", "measure it again")
+        return judge.findings
+    return judge_zero(angle, there, ZERO_TOLERANCE)

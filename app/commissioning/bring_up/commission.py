@@ -1,0 +1,114 @@
+"""``touchmove commission``: the steps one after the other, each refused until the one before it held."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from app import UserError
+from app.commissioning.bring_up.person import Person
+from app.commissioning.bring_up.runs import GAME_PLIES, RUNS, WHAT, Progress, Site, require_free
+from app.commissioning.bring_up.steps import (
+    FILE,
+    Commissioning,
+    CommissionReport,
+    Step,
+    StepLine,
+    StepRecord,
+    StepState,
+    fingerprint_of,
+    load_record,
+    next_step,
+    save_record,
+    states_of,
+)
+from app.commissioning.check_report import CheckState, Finding
+from app.rig.rig_file import load_rig
+from app.settings.tree import BOARD, SIMULATED
+
+
+def run_commission(
+    name: str,
+    person: Person,
+    progress: Progress,
+    *,
+    start: Step | None = None,
+    status: bool = False,
+    game: bool = False,
+) -> CommissionReport:
+    """Go on with the commissioning of a rig file from where it stands, until a step fails, or a person says no.
+
+    Args:
+        name: of the rig file.
+        person: who is asked.
+        progress: told what is done.
+        start: this step and all after it are done again, if those before it hold.
+        status: only say where it stands.
+        game: the last step is done as well, which wants the pieces set up.
+
+    Raises:
+        UserError: there is no such rig, a step before ``start`` does not hold, or a controller has the drives.
+    """
+    if name in (SIMULATED, BOARD):
+        raise UserError(f"rig {name} needs no commissioning: give --rig the TOML file of an arm's rig")
+    path = Path(name).absolute().parent / FILE
+    site = _site(name, person, progress)
+    done = load_record(path)
+    states = states_of(done, site.rig, site.parameters)
+    if status:
+        return _report(name, done, states, ())
+    if start is not None:
+        first = next_step(states)
+        if first is not None and list(Step).index(first) < list(Step).index(start):
+            raise UserError(f"step {start} is refused: step {first} comes before it, and is {states[first].value}")
+        done = done.without(start)
+    return _go_on(site, path, done, game)
+
+
+def _site(name: str, person: Person, progress: Progress) -> Site:
+    rig = load_rig(Path(name))
+    return Site(name, rig, rig.robot(), person, progress)
+
+
+def _go_on(site: Site, path: Path, done: Commissioning, game: bool) -> CommissionReport:
+    findings: tuple[Finding, ...] = ()
+    while True:
+        site = _site(site.name, site.person, site.progress)  # a step may have named another parameters file
+        states = states_of(done, site.rig, site.parameters)
+        step = next_step(states)
+        if step is None or (step is Step.GAME and not game):
+            return _report(site.name, done, states, findings)
+        number = list(Step).index(step) + 1
+        site.progress(f"step {number} of {len(Step)}, {step}: {WHAT[step]}")
+        if not site.person.agrees("go on?"):
+            return _report(site.name, done, states, findings)
+        require_free(site)
+        findings = tuple(RUNS[step](site))
+        holds = all(one.state is not CheckState.WRONG for one in findings)
+        mark = fingerprint_of(step, site.rig, site.parameters)
+        record = StepRecord(step=step, holds=holds, when=datetime.now(UTC), fingerprint=mark, findings=findings)
+        done = done.with_step(record)
+        save_record(path, done)
+        if not holds:
+            return _report(site.name, done, states_of(done, site.rig, site.parameters), findings)
+
+
+def _report(
+    name: str, done: Commissioning, states: dict[Step, StepState], findings: tuple[Finding, ...]
+) -> CommissionReport:
+    lines = []
+    for step, state in states.items():
+        record = done.of(step)
+        lines.append(StepLine(step=step, state=state, when=None if record is None else record.when))
+    waiting = next_step(states)
+    if waiting is None:
+        sentence = "every step held"
+    elif states[waiting] is StepState.FAILED:
+        sentence = f"step {waiting} failed: put right what it says, then say 'touchmove commission --rig {name}' again"
+    elif waiting is Step.GAME:
+        sentence = f"set the pieces up for {GAME_PLIES} plies, and say 'touchmove commission --rig {name} --game'"
+    else:
+        sentence = f"next is step {waiting}: 'touchmove commission --rig {name}'"
+    return CommissionReport(
+        rig=name, holds=StepState.FAILED not in states.values(), steps=tuple(lines), findings=findings, next=sentence
+    )
