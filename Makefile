@@ -12,6 +12,9 @@
 ARGS ?=
 TIMES ?= 20
 WORKERS ?= $(shell expr 2 '*' $$(nproc))
+# What Numba compiles where its cache is empty: once before the workers, each of which would do it for itself. Nor need
+# each of the hundreds of processes that tests start read all sources anew, whatever the environment says of bytecode.
+COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
 .PHONY: demo test nightly check clean constraints coverage vendor
 
@@ -21,7 +24,8 @@ demo:
 
 test:
 	@bash .ci/setup dev
-	@.venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; wait
+	@PYTHONDONTWRITEBYTECODE= .venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 nightly:
 	@bash .ci/setup dev

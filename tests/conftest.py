@@ -15,6 +15,8 @@ from typing import Any
 import hypothesis
 import pytest
 
+from hardware.sim.clients.wire import world_pid
+from tests.controllers import Controller
 from tests.waiting import PATIENCE
 
 # "ci" draws the same examples on every machine and in every run, so that a failure is one of the change in hand;
@@ -117,3 +119,19 @@ def demo(tmp_path: Path) -> Iterator[Callable[..., Run]]:
         for pipe in (run.process.stdout, run.process.stderr):
             if pipe is not None:
                 pipe.close()
+
+
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Iterator[Callable[..., Controller]]:
+    started: list[Controller] = []
+
+    def start(rig: Path, within: tuple[str, ...] = ()) -> Controller:
+        started.append(Controller(rig, within))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.end(signal.SIGKILL)
+    for left in tmp_path.rglob("world.sock"):  # of a world that nobody has ended
+        if (pid := world_pid(left.parent)) is not None:
+            os.kill(pid, signal.SIGKILL)

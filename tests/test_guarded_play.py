@@ -17,7 +17,7 @@ import pytest
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import TableSettings, square_place
-from tests.test_rig_file import free_port
+from tests.controllers import free_port
 from tests.waiting import PATIENCE
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]

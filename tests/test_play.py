@@ -105,8 +105,8 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     folder = tmp_path / "game"
     standing = "8/8/4k3/8/8/3Q4/8/4K2R w - - 0 1"
     terminal = PseudoTerminal(
-        "play", "--no-page", "--from-board", "--standing", standing, "--pace", "fast", "--nodes", "500", "--out",
-        str(folder),
+        "play", "--no-page", "--from-board", "--standing", standing, "--pace", "fast", "--no-guard",
+        "--nodes", "500", "--out", str(folder),
     )  # fmt: skip
     terminal.until(r"who moves next.* > ")
     terminal.type("hand move d3 c3")

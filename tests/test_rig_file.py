@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import secrets
 import shutil
 import signal
-import socket
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hardware.sim.clients.wire import world_pid
+from tests.controllers import Controller, free_port, status, touchmove
 from tests.waiting import PATIENCE, until
-
-TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
 
 
 def rig_file(folder: Path, host: str, port: int, **controller: object) -> Path:
@@ -32,71 +25,6 @@ def rig_file(folder: Path, host: str, port: int, **controller: object) -> Path:
     text = "[controller]\n" + "\n".join(lines) + '\n[drives]\nbus = "sim"\n[world]\npace = "fast"\ncameras = false\n'
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def free_port() -> int:
-    """A port that nobody has, below those from which the kernel hands out, so that nobody gets it meanwhile."""
-    while True:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
-            one.bind(("127.0.0.1", secrets.choice(range(20_000, 32_000))))
-            return int(one.getsockname()[1])
-
-
-class Controller:
-    """``touchmove controller --rig FILE``, perhaps in a network of its own."""
-
-    def __init__(self, rig: Path, within: tuple[str, ...] = ()) -> None:
-        self.rig = rig
-        self.log = rig.parent / "controller.log"
-        self._ready = len(self.said())
-        with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
-                [*within, *TOUCHMOVE, "controller", "--rig", str(rig)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-            )  # fmt: skip
-        self.wait_for("ready: clients find it at")
-
-    def said(self) -> str:
-        return self.log.read_text() if self.log.exists() else ""
-
-    def wait_for(self, words: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while words not in self.said()[self._ready :]:
-            assert self.process.poll() is None, self.said()
-            assert time.monotonic() < deadline, self.said()
-            time.sleep(0.02)
-
-    def end(self, number: int = signal.SIGINT) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
-
-
-def touchmove(*arguments: str, within: tuple[str, ...] = ()) -> tuple[int, str, str]:
-    done = subprocess.run([*within, *TOUCHMOVE, *arguments], capture_output=True, text=True, check=False)
-    return done.returncode, done.stdout, done.stderr
-
-
-def status(rig: Path) -> dict[str, Any]:
-    code, out, err = touchmove("controller", "status", "--rig", str(rig), "--json")
-    assert code == 0, err
-    return dict(json.loads(out))
-
-
-@pytest.fixture
-def by_hand(tmp_path: Path) -> Iterator[Callable[..., Controller]]:
-    started: list[Controller] = []
-
-    def start(rig: Path, within: tuple[str, ...] = ()) -> Controller:
-        started.append(Controller(rig, within))
-        return started[-1]
-
-    yield start
-    for one in started:
-        one.end(signal.SIGKILL)
-    for left in tmp_path.rglob("world.sock"):  # of a world that nobody has ended
-        if (pid := world_pid(left.parent)) is not None:
-            os.kill(pid, signal.SIGKILL)
 
 
 def game(rig: Path, folder: Path, moves: str, *options: str, within: tuple[str, ...] = ()) -> dict[str, Any]:

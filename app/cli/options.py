@@ -24,6 +24,13 @@ Processes = Annotated[
         "come to the same."
     ),
 ]
+Drives = Annotated[
+    str,
+    typer.Option(
+        help="What moves the simulated arm: sim, drives of its own; moteus or ethercat, emulated ones by their real "
+        "driver, in pace real."
+    ),
+]
 Profile = Annotated[
     str | None,
     typer.Option(

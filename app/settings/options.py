@@ -69,6 +69,7 @@ _ALL: Final = (
     SettingOption("rig.name", "--rig"),
     SettingOption("rig.pace", "--pace"),
     SettingOption("rig.processes", "--processes"),
+    SettingOption("rig.drives", "--drives", (_OWN,)),
     SettingOption("rig.profile", "--profile"),
     SettingOption("rig.seed", "--seed"),
     SettingOption("rig.square", "--square", (_OWN,)),

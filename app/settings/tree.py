@@ -56,6 +56,17 @@ class Processes(StrEnum):
     """Each in its own, as with real drives; the same in every bit."""
 
 
+class Drives(StrEnum):
+    """What moves the arm of a simulation of our own."""
+
+    SIM = SIMULATED
+    """Drives that are part of the simulation."""
+    MOTEUS = "moteus"
+    """moteus controllers, emulated to the wire, by their real driver."""
+    ETHERCAT = "ethercat"
+    """EtherCAT servo drives, likewise."""
+
+
 class RigSection(_Section):
     """``[rig]``: what the game is played on, and how the arm moves."""
 
@@ -67,6 +78,9 @@ class RigSection(_Section):
     processes: Processes = Processes.TOGETHER
     """Of a simulation of our own in pace fast: together, world and controller in one process; separate, each in its
     own, as in pace real. Both come to the same in every bit."""
+    drives: Drives = Drives.SIM
+    """What moves the arm of a simulation of our own: sim, drives of its own; moteus or ethercat, emulated drives by
+    their real driver, in pace real."""
     profile: Profile | None = None
     """How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast where the guard
     sees nobody near, else as default. Left out: separation in a simulation of our own that is guarded, else default."""

@@ -7,12 +7,17 @@ _SPIN: Final = 60e-6
 """A sleep ends so much early, and the rest is waited for actively [s]: ordinary kernels wake sleepers 50 µs late."""
 
 
+def tick_now(period: float) -> int:
+    """Periods [s] since this computer's clock began, so that all programs on it agree about them."""
+    return int(time.monotonic() / period)
+
+
 class TickClock:
-    """Ticks are counted from when this computer was switched on, so that programs on it agree about them."""
+    """Waits for one tick after the other; ``tick`` is the number of the last one, counted as by ``tick_now``."""
 
     def __init__(self, period: float) -> None:
-        self._period = period
-        self.tick = int(time.monotonic() / period)
+        self._period, self._shift = period, 0.0
+        self.tick = tick_now(period)
 
     def next(self) -> float:
         """Wait for the next tick; when it really began (``time.monotonic``) [s].
@@ -20,10 +25,26 @@ class TickClock:
         Whoever comes more than a period late misses ticks: they are left out, the count goes on with the wall clock.
         """
         now = time.monotonic()
-        self.tick = max(self.tick + 1, int(now / self._period))
-        due = self.tick * self._period
+        self.tick = max(self.tick + 1, int((now - self._shift) / self._period))
+        due = self.tick * self._period + self._shift
         if (left := due - now - _SPIN) > 0.0:
             time.sleep(left)
         while (now := time.monotonic()) < due:
             pass
         return now
+
+    def told(self, answered: float) -> int:
+        """Tick of a measurement that was asked for in this tick and had then (``time.monotonic``) [s].
+
+        If that took more than a period, nobody knows in which tick it was made: it is told with the one that it came
+        in, and the next is left out, so that neither neighbour follows it.
+        """
+        came = int((answered - self._shift) / self._period)
+        if came <= self.tick:
+            return self.tick
+        self.tick = came + 1
+        return came
+
+    def shift(self, seconds: float) -> None:
+        """All ticks to come are later by so much; for a bus that has to keep in step with another clock."""
+        self._shift += seconds

@@ -20,7 +20,7 @@ _READINGS: Final = 4
 """A torque has to be wrong in so many readings at least, however long each took: a single late one proves nothing."""
 
 
-class Reading(NamedTuple):
+class EncoderReading(NamedTuple):
     """What an encoder said, and between which moments it was read."""
 
     angle: float
@@ -45,13 +45,13 @@ class EncoderWatch:
         self._jump, self._acceleration = settings.encoder_jump, settings.acceleration
         self._fastest = _SPEED_MARGIN * drive.max_speed
         self._trusted = settings.velocity is VelocitySource.DRIVE
-        self._before: Reading | None = None
+        self._before: EncoderReading | None = None
 
     def begin_anew(self) -> None:
         """What was read before does not count: nobody has looked for a while."""
         self._before = None
 
-    def see(self, reading: Reading) -> Finding | None:
+    def see(self, reading: EncoderReading) -> Finding | None:
         """The next reading."""
         before, self._before = self._before, reading
         if before is None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.rig.drives import Opener, opener_of, simulated_bus
+from app.rig.drives import Opener, opener_of
 from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
@@ -28,22 +28,28 @@ _ALONE: Final = 15.0
 """How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
 
 
-COMMANDS: Final = {
+_COMMANDS: Final = {
     "world": ("app.cli", "world", "--run-dir"),
     "controller": ("app.cli", "controller", "--run-dir"),
     "simulation": ("app.cli", "world", "--controlled", "--run-dir"),
-    "slaves": ("hardware.sim.emulated.ethercat.process",),
 }
 """Modules, and arguments before the run directory, by which each of a rig's processes runs. A simulation is a world
-with its controller; slaves are a world behind emulated EtherCAT drives, which makes a network before anything else."""
+with its controller."""
+_SLAVES: Final = ("hardware.sim.emulated.ethercat.process",)
+"""A world behind emulated EtherCAT drives: it makes a network before anything else …"""
+_INSIDE: Final = "hardware.sim.emulated.ethercat.inside"
+"""… in which its controller has to be before anything else."""
 
 
-def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
-    """Start a process of a run directory, one of ``COMMANDS``; what it says goes to its log there."""
+def spawn(name: str, rig: RigFile) -> subprocess.Popen[bytes]:
+    """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory."""
+    run_dir, command = rig.run_dir, _COMMANDS[name]
+    if _has_network(rig):
+        command = _SLAVES if name == "world" else (_INSIDE, str(run_dir), "-m", *command)
     with log_of(name, run_dir).open("ab") as log:
         return subprocess.Popen(
             # -P: a folder of the user's named like one of ours must not come first
-            [sys.executable, "-P", "-m", *COMMANDS[name], str(run_dir)],
+            [sys.executable, "-P", "-m", *command, str(run_dir)],
             stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
         )  # fmt: skip
@@ -108,7 +114,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
 def run_controller(run_dir: Path) -> int:
     """The controller of a run directory until it is shut down; exit status."""
     rig = load_rig(run_dir / RIG_FILE)
-    return _serve(rig, lambda _parameters: simulated_bus(run_dir), lambda _host, _port: None)
+    return _serve(rig, opener_of(rig, lambda: None), lambda _host, _port: None)
 
 
 def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
@@ -200,27 +206,47 @@ def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Opener]
     """
     with contextlib.suppress(FileExistsError):
         rig.run_dir.mkdir(mode=0o700, parents=True)
+    if _has_network(rig):
+        require_world(rig, progress)
+        _enter_network(rig.run_dir)
     try:
         yield opener_of(rig, lambda: require_world(rig, progress))
     finally:
         _end_world(rig)
 
 
+def _has_network(rig: RigFile) -> bool:
+    """Emulated EtherCAT devices are in a network of their own."""
+    return rig.drives.emulated and rig.drives.bus == ETHERCAT
+
+
+def _enter_network(run_dir: Path) -> None:
+    """Become this same program once more where the devices' network is, unless it is there already.
+
+    Only root and those in its own user namespace may open a socket there, and only a program that has just begun can
+    enter that.
+    """
+    from hardware.sim.emulated.ethercat.namespace import network_pid, shares_user_namespace
+
+    if not shares_user_namespace(network_pid(run_dir)):
+        command = [sys.executable, "-P", "-m", _INSIDE, str(run_dir), "-m", "app.cli", *sys.argv[1:]]
+        os.execv(sys.executable, command)
+
+
 def _start_world(rig: RigFile) -> None:
     """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
     from app.rig.simulation.settings import world_settings
 
-    settings = world_settings(rig, first_controller=_ALONE)
+    settings = world_settings(rig, **({} if rig.drives.emulated else {"first_controller": _ALONE}))
     for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
         (rig.run_dir / left).unlink(missing_ok=True)
     keep_settings(settings, rig.run_dir)
-    name = "slaves" if rig.drives.bus == ETHERCAT else "world"
-    process = spawn(name, rig.run_dir)
+    process = spawn("world", rig)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT
     while world_pid(rig.run_dir) is None:
         if process.poll() is not None or time.monotonic() > deadline:
             process.kill()
-            log = log_of(name, rig.run_dir)
+            log = log_of("world", rig.run_dir)
             raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
         time.sleep(0.02)

@@ -7,13 +7,25 @@ from typing import Any, Final
 
 import chess
 
+from app import UserError
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
-from app.rig.rig_file import ControllerSection, RigFile, WorldSection, load_randomisation
+from app.rig.rig_file import (
+    ETHERCAT,
+    MOTEUS,
+    ControllerSection,
+    DrivesSection,
+    RigFile,
+    WorldSection,
+    load_randomisation,
+)
 from app.settings.toml import ConfigError
-from app.settings.tree import RigSection
+from app.settings.tree import Drives, RigSection
 from controller.protocol.key import KEY_FILE
 from controller.settings import ANY_PORT
+from hardware.drives.ethercat.settings import EtherCatSettings
+from hardware.drives.moteus.settings import MoteusSettings, PinSettings
+from hardware.drives.settings import ForceSettings
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 from hardware.sim.hand.actions import HandSettings
@@ -21,6 +33,20 @@ from hardware.sim.process.randomisation import AS_A_LAB
 from hardware.sim.process.settings import WorldOptions, WorldSettings
 from hardware.table import TableSettings
 
+EMULATED: Final = {
+    Drives.MOTEUS: DrivesSection(
+        bus=MOTEUS, emulated=True, forces=(ForceSettings(gain=40.0), ForceSettings(gain=40.0)),
+        moteus=MoteusSettings(
+            brakes=PinSettings(id=4, aux=2, pin=1),
+            forces=(PinSettings(id=4, aux=1, pin=1), PinSettings(id=4, aux=1, pin=2)),
+        ),
+    ),
+    Drives.ETHERCAT: DrivesSection(
+        bus=ETHERCAT, emulated=True, forces=(ForceSettings(gain=4.0), ForceSettings(gain=4.0)),
+        ethercat=EtherCatSettings(),
+    ),
+}  # fmt: skip
+"""Drives of a robot as it might be built: brakes, and a sensor of 40 N behind each pad."""
 FAST_TELEMETRY: Final = 45
 """Pace fast: telemetry comes each so many ticks, 25 times a second of plant time, together with a film's frames. In
 between nobody has to be asked, and to send, take and record one costs as much as eight ticks."""
@@ -57,6 +83,7 @@ def rig_for_game(
     The world differs from what is believed of it as a lab would, or as was wished. ``person`` is whose simulated hand
     plays; None: nobody sits there. Raises ``UserError`` if the file of ``randomise`` is wrong.
     """
+    drives = drives_of(section)
     chosen: dict[str, Any] = {} if section.pace is None else {"pace": section.pace}
     if board is not None and section.randomise is not None:
         chosen["randomisation"] = load_randomisation(section.randomise)
@@ -69,7 +96,18 @@ def rig_for_game(
     controller: dict[str, Any] = {"linger": max(section.linger, 1e-3), "port": section.port}
     if world.pace is Pace.FAST:
         controller["telemetry_ticks"] = FAST_TELEMETRY
-    return own_rig(run_dir, world, controller, table=table, parameters=parameters)
+    if drives.emulated:
+        world = world.model_copy(update={"realtime": True})
+    return own_rig(run_dir, world, controller, table=table, parameters=parameters, drives=drives)
+
+
+def drives_of(section: RigSection) -> DrivesSection:
+    """Drives of a simulation of our own; raises ``UserError`` if they do not go with its pace."""
+    if section.drives is Drives.SIM:
+        return DrivesSection()
+    if section.pace is Pace.FAST:
+        raise UserError(f"--drives {section.drives} keeps to the wall clock as real drives do: leave --pace out")
+    return EMULATED[section.drives]
 
 
 def world_settings(rig: RigFile, **also: Any) -> WorldSettings:

@@ -168,7 +168,7 @@ class SimRig(RemoteRig):
 
     def _spawn(self, name: str) -> None:
         with recording(self._run_dir):
-            self._processes[name] = spawn(name, self._run_dir)
+            self._processes[name] = spawn(name, self._rig)
 
     def _await_controller(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT
@@ -250,7 +250,7 @@ class SimRig(RemoteRig):
         process = self._processes.get(name)
         if process is None:
             return True
-        if not orderly:
+        if not orderly or (name == "world" and self._rig.drives.emulated):  # on no bus there is a goodbye
             process.terminate()
         try:
             process.wait(END_TIMEOUT)

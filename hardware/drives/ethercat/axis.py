@@ -10,7 +10,7 @@ from hardware.drives.joint import JointScale
 from hardware.drives.rating import TorqueRating
 from hardware.drives.settings import JointSettings, VelocitySource
 from hardware.drives.velocity import estimate_of
-from hardware.drives.watches import EncoderWatch, Reading, TorqueWatch
+from hardware.drives.watches import EncoderReading, EncoderWatch, TorqueWatch
 from hardware.parameters import Drive
 
 _NO_TEMPERATURE: Final = math.nan
@@ -76,7 +76,7 @@ class ServoAxis:
         motor, speed = position * self._rad_per_count, velocity * self._velocity_step
         angle, said = self._scale.angle(motor), self._scale.velocity(speed)
         # a drive latches its inputs once a period, so they may be that old when the frame takes them along
-        wrong = self._encoder.see(Reading(angle, said, sent - self._period, answered))
+        wrong = self._encoder.see(EncoderReading(angle, said, sent - self._period, answered))
         if self._estimate is not None:
             said = self._estimate.take(angle, elapsed)
         self.angle, self.velocity = angle, said

@@ -3,9 +3,11 @@
 import math
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from hardware.drives.clock import TickClock
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
@@ -23,15 +25,13 @@ REPLY: Final = 3
 WRONG: Final = 3
 """Working counters in a row that are wrong before the bus asks who is missing."""
 FRAMES, LOSSES = 500, 0.1
-"""Among so many frames a larger share of lost ones is a fault."""
+"""Among so many frames, the last ones, a larger share of lost ones is a fault."""
 STAY: Final = 1.0
 """A drive that does not follow its control word for so long is a fault [s]; power stages take some tenths."""
 RESETTING: Final = 0.5
 """So long a fault that is being reset counts as reset [s]."""
 LIFT_EVERY: Final = 0.02
 """Devices that are not in OP are asked for their next step so often, while the arm is on its brakes [s]."""
-_SPIN: Final = 80e-6
-"""Before a deadline the bus spins instead of sleeping [s]."""
 _NO_FORCES = (0.0, 0.0)
 _TARGETS: Final = {Wanted.OFF: DriveState.READY, Wanted.STANDBY: DriveState.SWITCHED_ON, Wanted.RUN: DriveState.ENABLED}
 
@@ -76,14 +76,14 @@ class EtherCatServoBus:
         self._follower = ReferenceFollower(self.period) if settings.distributed_clocks else None
         self.fault: DriveFault | None = None
         self.lost, self.took = 0, 0.0
-        self._frames = self._losses = 0
-        self._damaged = network.receive_errors()
+        self._came: deque[bool] = deque(maxlen=FRAMES)
+        self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
         self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
         self._wrong, self._doubt = 0, True
         self._unanswered: float | None = None
-        self._deadline = self._answered = self._sent = time.monotonic()
-        self._tick = int(self._deadline / self.period)
+        self._answered = self._sent = time.monotonic()
+        self._clock = TickClock(self.period)
         self._ran = self._energised = False
 
     # the exchange
@@ -99,8 +99,7 @@ class EtherCatServoBus:
             self._latch(DriveFault(0, DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
             command = command._replace(torque=(0.0, 0.0, 0.0), finger_velocity=0.0)
         while True:
-            self._wait()
-            began = time.monotonic()
+            began = self._clock.next()
             if self._cycle(command):
                 break
             self._miss(began)
@@ -113,19 +112,6 @@ class EtherCatServoBus:
         if not self._closed:
             self._closed = True
             self._network.close()
-
-    def _wait(self) -> None:
-        """Until the next deadline; those that have passed are left out."""
-        now, period = time.monotonic(), self.period
-        self._deadline += period
-        self._tick += 1
-        if (late := int((now - self._deadline) / period)) > 0:
-            self._deadline += late * period
-            self._tick += late
-        while (left := self._deadline - now) > 0.0:
-            if left > _SPIN:
-                time.sleep(left - _SPIN)
-            now = time.monotonic()
 
     def _cycle(self, command: Command) -> bool:
         """One frame; whether it came back with the data of all."""
@@ -140,6 +126,7 @@ class EtherCatServoBus:
         self._sent = time.monotonic()
         network.send()
         counter = network.receive(REPLY * self.period)
+        self.lost += counter < 0
         self._count(lost=counter < 0)
         if counter == network.expected:
             self._wrong = 0
@@ -150,7 +137,7 @@ class EtherCatServoBus:
         return self._wrong >= WRONG
 
     def _wanted(self, command: Command) -> Wanted:
-        if self._latched is not None or not command.enable:
+        if self._latched is not None or self._lossy or not command.enable:
             return Wanted.OFF
         return Wanted.STANDBY if command.brake else Wanted.RUN
 
@@ -170,26 +157,29 @@ class EtherCatServoBus:
 
     def _measure(self, command: Command) -> Measurement:
         now = time.monotonic()
+        tick = self._clock.told(now)
         self._unanswered = None
         elapsed = now - self._answered
         silent = elapsed > self._watchdog and self._energised
         self._doubt = self._doubt or elapsed > self._watchdog
         self._answered, self._energised = now, command.enable
         if self._follower is not None:
-            self._deadline += self._follower.correct(self._network.reference_time)
+            self._clock.shift(self._follower.correct(self._network.reference_time))
         if silent:
             for arm in self._arms:
                 arm.begin_anew()
         self._take(now, elapsed)  # also where somebody is missing: the others say whether they have braked
         if silent:
             self._judge_silence(elapsed)
+        if self._lossy and self._latched is None:  # this frame has braked the drives: now there is time to ask for more
+            self._latch(faults.of_losses(self._losses, len(self._came), self._grown()))
         if self._latched is None:
             self._judge_states(command, now)
         self._recover(now, command)
         status = self._status(command)
         one, two, three = self._arms
         return Measurement(
-            self._tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
+            tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
             self._gripper.position, self._felt(), status,
         )  # fmt: skip
 
@@ -275,7 +265,10 @@ class EtherCatServoBus:
         if self._wrong or not all(one.well for one in self._network.health()):
             return
         self._latched = None
-        self._frames = self._losses = 0
+        if self._lossy:
+            self._network.forget_receive_errors()
+        self._came.clear()
+        self._losses, self._lossy = 0, False
         self._cleared_since = self._wanted_since = time.monotonic()
 
     def _recover(self, now: float, command: Command) -> None:
@@ -292,20 +285,14 @@ class EtherCatServoBus:
 
     def _count(self, *, lost: bool) -> None:
         """Frames that do not come back, one by one."""
-        self._frames += 1
-        if lost:
-            self.lost += 1
-            self._losses += 1
-            if self._losses > LOSSES * FRAMES:
-                self._latch(faults.of_losses(self._losses, self._frames, self._grown()))
-        if self._frames >= FRAMES:
-            self._frames = self._losses = 0
+        if self._lossy:
+            return
+        if len(self._came) == FRAMES and not self._came[0]:
+            self._losses -= 1
+        self._came.append(not lost)
+        self._losses += lost
+        self._lossy = self._losses > LOSSES * FRAMES
 
     def _grown(self) -> list[tuple[Device, int, int]]:
-        counts = self._network.receive_errors()
-        chain = self._settings.chain
-        return [
-            (chain[place], place, count - before)
-            for place, (count, before) in enumerate(zip(counts, self._damaged, strict=True))
-            if count > before
-        ]
+        chain, counts = self._settings.chain, self._network.receive_errors()
+        return [(chain[place], place, count) for place, count in enumerate(counts) if count > 0]

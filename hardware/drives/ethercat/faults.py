@@ -63,7 +63,7 @@ def of_losses(lost: int, frames: int, grown: Sequence[tuple[Device, int, int]]) 
     where = "no device has counted a damaged one"
     number = 0
     if grown:
-        device, place, count = grown[0]
+        device, place, count = max(grown, key=lambda one: one[2])
         number = NUMBERS[device]
         where = f"device {place + 1} on the cable has counted {count} damaged ones"
     return DriveFault(number, DriveTrouble.FRAMES_LOST, f"{lost} of {frames} frames did not come back; {where}")

@@ -20,7 +20,7 @@ from hardware.drives.moteus.fdcanusb import with_check_sum
 from hardware.drives.moteus.health import ControllerWatch, look_at, of_all
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.serial_port import SerialPort
-from hardware.drives.moteus.servo import ServoJoint, Wanted
+from hardware.drives.moteus.servo import ServoAction, ServoJoint
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.moteus.start import GRIPPER, Machine, machine_of, start
 from hardware.drives.settings import DriveSettings
@@ -95,6 +95,7 @@ class MoteusServoBus:
         self._clock = TickClock(self.period)
         self._tick = self._clock.tick
         self._sent = self._fed = math.nan
+        self.took = 0.0
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``. A fault is cleared by an exchange without ``enable`` in which all are well."""
@@ -130,13 +131,10 @@ class MoteusServoBus:
         """Wait for the next tick, tell all of them, and take their answers."""
         before, self._sent = self._sent, self._clock.next()
         elapsed = self._sent - before if math.isfinite(before) else self.period
-        self._tick = self._clock.tick
         self._send(command, elapsed)
         self._take(command, elapsed)
-        if (answered := time.monotonic()) - self._sent > self.period:
-            # nobody knows in which of these ticks it was measured: the count says that some are missing
-            self._tick = int(answered / self.period)
-            self._clock.tick = self._tick + 1
+        self.took = (answered := time.monotonic()) - self._sent
+        self._tick = self._clock.told(answered)
 
     # commands
 
@@ -166,19 +164,19 @@ class MoteusServoBus:
         pump = self._machine.pump
         return pump[1] if pump is not None and pump[0] == part and self._pumped else 0
 
-    def _wanted(self, i: int, command: Command) -> Wanted:
+    def _wanted(self, i: int, command: Command) -> ServoAction:
         """What a servomotor is to do."""
         if not command.enable and self._joints[i].mode in (Mode.FAULT, Mode.TIMEOUT):
-            return Wanted.OFF
+            return ServoAction.OFF
         if not self._mechanical:
             if self.fault is not None and self.fault.device == i + 1:
-                return Wanted.SHORT
-            return Wanted.HOLD if command.brake or not command.enable or self._tripped else Wanted.RUN
+                return ServoAction.SHORT
+            return ServoAction.HOLD if command.brake or not command.enable or self._tripped else ServoAction.RUN
         if self._tripped:
-            return Wanted.SHORT
+            return ServoAction.SHORT
         if command.enable:
-            return Wanted.RUN
-        return Wanted.SHORT if self._sent - self._fed < _BRAKES_CLOSE else Wanted.OFF
+            return ServoAction.RUN
+        return ServoAction.SHORT if self._sent - self._fed < _BRAKES_CLOSE else ServoAction.OFF
 
     def _gripper(self, command: Command) -> bytes:
         """The frame of the gripper; what it holds it keeps, whatever becomes of this computer."""

@@ -104,6 +104,11 @@ def _is_analog(register: int) -> bool:
     return any(0 <= register - first < ANALOG_PINS for first in (Register.AUX1_ANALOG, Register.AUX2_ANALOG))
 
 
+def _is_physical(register: int) -> bool:
+    """Whether it is no mere number, as a mode or a version is."""
+    return register in _SCALES or _is_analog(register)
+
+
 def scale_of(register: int, resolution: Resolution) -> float:
     """What 1 stands for; 1 of numbers that are no physical value, and of floats."""
     if resolution is Resolution.FLOAT:
@@ -113,8 +118,10 @@ def scale_of(register: int, resolution: Resolution) -> float:
 
 
 def value_of(register: int, resolution: Resolution, raw: float) -> float:
-    """A value from what was received; the most negative integer stands for no number."""
-    if resolution is not Resolution.FLOAT and raw == -_LARGEST[resolution] - 1:
+    """A value from what was received; the most negative integer of a physical value stands for no number."""
+    if resolution is Resolution.FLOAT:
+        return raw
+    if raw == -_LARGEST[resolution] - 1 and _is_physical(register):
         return math.nan
     return raw * scale_of(register, resolution)
 

@@ -11,7 +11,7 @@ from hardware.drives.moteus.registers import Mode, fault_words
 from hardware.drives.rating import TorqueRating
 from hardware.drives.settings import JointSettings, VelocitySource
 from hardware.drives.velocity import estimate_of
-from hardware.drives.watches import EncoderWatch, Reading, TorqueWatch
+from hardware.drives.watches import EncoderReading, EncoderWatch, TorqueWatch
 from hardware.interfaces import DriveTrouble
 from hardware.parameters import Drive
 
@@ -20,7 +20,7 @@ _LATE: Final = 1.5
 
 
 @unique
-class Wanted(Enum):
+class ServoAction(Enum):
     """What a servomotor is to do."""
 
     OFF = auto()
@@ -59,11 +59,11 @@ class ServoJoint:
         """As it said last; stopped if it never did."""
         return Mode.STOPPED if self.told is None else self.told.mode
 
-    def frame(self, wanted: Wanted, torque: float, elapsed: float, pump: int) -> bytes:
+    def frame(self, wanted: ServoAction, torque: float, elapsed: float, pump: int) -> bytes:
         """The line that tells it, so long after the one before [s]; ``pump``: state of its digital outputs."""
-        if wanted is not Wanted.HOLD:
+        if wanted is not ServoAction.HOLD:
             self._held = math.nan
-        if wanted is Wanted.RUN:
+        if wanted is ServoAction.RUN:
             temperature = math.nan if self.told is None else self.told.temperature
             rated = self._rating.rate(torque, temperature, elapsed)
             self.cut, motor = rated.cut, self._scale.motor_torque(rated.torque)
@@ -71,12 +71,12 @@ class ServoJoint:
             return self._controller.torque(motor, pump)
         self._rating.rest(elapsed)
         self._followed.ask(None)
-        self.cut = wanted is Wanted.HOLD and abs(torque) > self._rating.peak
-        if wanted is Wanted.HOLD and self.told is not None:
+        self.cut = wanted is ServoAction.HOLD and abs(torque) > self._rating.peak
+        if wanted is ServoAction.HOLD and self.told is not None:
             if math.isnan(self._held):
                 self._held = self.told.angle
             return self._controller.hold(self._held, pump)
-        return self._controller.mode(Mode.BRAKE if wanted is Wanted.SHORT else Mode.STOPPED, pump)
+        return self._controller.mode(Mode.BRAKE if wanted is ServoAction.SHORT else Mode.STOPPED, pump)
 
     def coast(self, elapsed: float) -> None:
         """It has not answered: it is taken to have moved on as it did."""
@@ -87,7 +87,7 @@ class ServoJoint:
         """Its answer, which came between two moments, so long after the exchange before [s]; what is wrong with it."""
         before, self.told = self.mode, told
         angle, velocity = self._scale.angle(told.angle), self._scale.velocity(told.velocity)
-        jumped = self._encoder.see(Reading(angle, velocity, sent, answered))
+        jumped = self._encoder.see(EncoderReading(angle, velocity, sent, answered))
         unread, self._unread = self._unread + elapsed, 0.0
         if self._estimate is not None:
             velocity = self._estimate.take(angle, unread)

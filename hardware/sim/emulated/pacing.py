@@ -6,7 +6,6 @@ for its commands, and commands that are early bring it forward a little; what re
 where the commands come. Without commands the plant ticks by itself.
 """
 
-import time
 from typing import Final
 
 _EARLY, _LATE = 0.5, 0.5
@@ -39,8 +38,3 @@ class FollowingPacer:
         if (behind := now - self._due) > LONGEST_DELAY:
             self.slipped += round(behind / self._period)
             self._due += round(behind / self._period) * self._period
-
-
-def tick_now(period: float) -> int:
-    """Periods since this computer's clock began: what drivers with a clock of their own count ticks from."""
-    return int(time.monotonic() / period)

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
+from hardware.drives.clock import tick_now
 from hardware.drives.joint import FingerScale, JointScale
 from hardware.interfaces import Command, HardwareError, Measurement, Pace, Triple
 from hardware.realtime import exact_timers
-from hardware.sim.emulated.pacing import FollowingPacer, tick_now
+from hardware.sim.emulated.pacing import FollowingPacer
 from hardware.sim.emulated.planting import Faulty, Planting
 from hardware.sim.process.server import World
 from hardware.sim.process.settings import WorldSettings, load_settings

@@ -141,9 +141,6 @@ def watch_rest(
 
     Pieces that sleep have no velocity. ``boxes`` are those in which pieces may tremble: x, y, half sizes, (n, 4).
     """
-    if memory[FASTEST] > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
-        memory[RESTING] = 0.0
-        return
     quiet = memory[ARM_SPEED] < REST_SPEED
     if quiet:
         fastest = 0.0

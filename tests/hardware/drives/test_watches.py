@@ -1,4 +1,4 @@
-"""Encoders that jump, torques that are not followed: told where they are wrong, silent where motion explains them."""
+"""Encoders that jump and torques that are not followed: told where they are wrong, silent where motion explains it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.drives.settings import JointSettings, VelocitySource
-from hardware.drives.watches import EncoderWatch, Reading, TorqueWatch
+from hardware.drives.watches import EncoderReading, EncoderWatch, TorqueWatch
 from hardware.interfaces import DriveTrouble
 from hardware.parameters import load_parameters
 
@@ -51,7 +51,7 @@ def test_no_motion_that_a_joint_can_make_is_a_jump(steps: list[tuple[float, floa
         acceleration = (after - velocity) / elapsed
         angle += velocity * elapsed + 0.5 * acceleration * elapsed**2
         velocity = after
-        assert watch.see(Reading(angle, velocity, sent, now)) is None
+        assert watch.see(EncoderReading(angle, velocity, sent, now)) is None
 
 
 @given(
@@ -62,8 +62,8 @@ def test_no_motion_that_a_joint_can_make_is_a_jump(steps: list[tuple[float, floa
 def test_a_jump_of_one_degree_is_seen_on_the_way_at_any_speed(jump: float, velocity: float, took: float) -> None:
     watch = encoder()
     for k in range(5):
-        assert watch.see(Reading(velocity * k * TICK, velocity, k * TICK, k * TICK + took)) is None
-    found = watch.see(Reading(velocity * 5 * TICK + jump, velocity, 5 * TICK, 5 * TICK + took))
+        assert watch.see(EncoderReading(velocity * k * TICK, velocity, k * TICK, k * TICK + took)) is None
+    found = watch.see(EncoderReading(velocity * 5 * TICK + jump, velocity, 5 * TICK, 5 * TICK + took))
     assert found is not None
     assert found.trouble is DriveTrouble.ENCODER_JUMPED
     assert "rad is possible" in found.detail
@@ -71,24 +71,24 @@ def test_a_jump_of_one_degree_is_seen_on_the_way_at_any_speed(jump: float, veloc
 
 def test_where_the_drives_velocity_is_not_believed_only_its_speed_limit_counts() -> None:
     watch = encoder(JointSettings(velocity=VelocitySource.POSITION))
-    assert watch.see(Reading(0.0, 99.0, 0.0, 0.0)) is None
-    assert watch.see(Reading(0.03, -99.0, TICK, TICK)) is None
-    found = watch.see(Reading(0.13, 0.0, 2.0 * TICK, 2.0 * TICK))
+    assert watch.see(EncoderReading(0.0, 99.0, 0.0, 0.0)) is None
+    assert watch.see(EncoderReading(0.03, -99.0, TICK, TICK)) is None
+    found = watch.see(EncoderReading(0.13, 0.0, 2.0 * TICK, 2.0 * TICK))
     assert found is not None
     assert "+0.1000 rad within 1.0 ms, at most 0.0500 rad" in found.detail
 
 
 def test_a_velocity_that_jumps_along_hides_no_jump() -> None:
     watch = encoder()
-    watch.see(Reading(0.0, 0.0, 0.0, 0.0))
-    assert watch.see(Reading(0.5, 1000.0, TICK, TICK)) is not None
+    watch.see(EncoderReading(0.0, 0.0, 0.0, 0.0))
+    assert watch.see(EncoderReading(0.5, 1000.0, TICK, TICK)) is not None
 
 
 def test_what_was_read_before_a_pause_does_not_count() -> None:
     watch = encoder()
-    watch.see(Reading(0.0, 0.0, 0.0, 0.0))
+    watch.see(EncoderReading(0.0, 0.0, 0.0, 0.0))
     watch.begin_anew()
-    assert watch.see(Reading(1.0, 0.0, TICK, TICK)) is None
+    assert watch.see(EncoderReading(1.0, 0.0, TICK, TICK)) is None
 
 
 # ------------------------------------------------------------------------------------------------------------- torques

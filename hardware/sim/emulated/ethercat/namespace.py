@@ -54,27 +54,41 @@ def privileged() -> bool:
 def make_network() -> None:
     """Move this process, of one thread unless it is privileged, into a network with a cable; raises ``NoNetwork``."""
     user, group = os.geteuid(), os.getegid()
-    if privileged():
-        _call("unshare", _NETWORK)
-    else:
-        _call("unshare", _USER | _NETWORK)
-        Path("/proc/self/setgroups").write_text("deny", encoding="ascii")
-        Path("/proc/self/uid_map").write_text(f"{user} {user} 1", encoding="ascii")
-        Path("/proc/self/gid_map").write_text(f"{group} {group} 1", encoding="ascii")
+    try:
+        if privileged():
+            _call("unshare", _NETWORK)
+        else:
+            _call("unshare", _USER | _NETWORK)
+            Path("/proc/self/setgroups").write_text("deny", encoding="ascii")
+            Path("/proc/self/uid_map").write_text(f"{user} {user} 1", encoding="ascii")
+            Path("/proc/self/gid_map").write_text(f"{group} {group} 1", encoding="ascii")
+    except OSError as error:
+        raise NoNetwork(_FORBIDDEN.format(error.strerror)) from error
     _make_cable(MASTER_END, SLAVES_END)
     for end in (MASTER_END, SLAVES_END):
         set_link(end, up=True)
 
 
+def shares_user_namespace(pid: int) -> bool:
+    """Whether a process is in the user namespace of this one."""
+    theirs, ours = (Path(f"/proc/{one}/ns/user") for one in (pid, "self"))
+    return theirs.stat().st_ino == ours.stat().st_ino
+
+
 def join_user_namespace(pid: int) -> None:
     """Enter the user namespace in which a process has made its network; of a privileged one it is one's own already.
 
-    Raises ``NoNetwork`` if this process has several threads, or the other is somebody else's.
+    Raises ``NoNetwork`` if this process has several threads, or the other is gone or somebody else's.
     """
-    theirs, ours = (Path(f"/proc/{one}/ns/user") for one in (pid, "self"))
-    if theirs.stat().st_ino != ours.stat().st_ino:
-        with theirs.open("rb") as namespace:
-            _call("setns", namespace.fileno(), _USER)
+    try:
+        if not shares_user_namespace(pid):
+            with Path(f"/proc/{pid}/ns/user").open("rb") as namespace:
+                _call("setns", namespace.fileno(), _USER)
+    except OSError as error:
+        raise NoNetwork(
+            f"the network of process {pid} cannot be entered ({error.strerror}): is it the process of a world that "
+            "runs, of the same user, and does this one have a single thread?"
+        ) from error
 
 
 def announce(run_dir: Path) -> None:
@@ -102,14 +116,16 @@ def network_pid(run_dir: Path, patience: float = PATIENCE) -> int:
 
 
 def within_network(pid: int, work: Callable[[], Result]) -> Result:
-    """Do some work in a thread within the network of a process, and say what came of it; its sockets stay there."""
+    """Do some work in a thread within the network of a process, and say what came of it; its sockets stay there.
+
+    Raises ``NoNetwork`` if this process may not enter it, see ``join_user_namespace``, and what the work raises.
+    """
     came: list[Result] = []
     failed: list[BaseException] = []
 
     def enter() -> None:
         try:
-            with Path(f"/proc/{pid}/ns/net").open("rb") as namespace:
-                _call("setns", namespace.fileno(), _NETWORK)
+            _join_network(pid)
             came.append(work())
         except BaseException as error:  # told to whoever waits for it
             failed.append(error)
@@ -120,6 +136,18 @@ def within_network(pid: int, work: Callable[[], Result]) -> Result:
     if failed:
         raise failed[0]
     return came[0]
+
+
+def _join_network(pid: int) -> None:
+    """Of this thread alone."""
+    try:
+        with Path(f"/proc/{pid}/ns/net").open("rb") as namespace:
+            _call("setns", namespace.fileno(), _NETWORK)
+    except OSError as error:
+        raise NoNetwork(
+            f"the network of process {pid} cannot be entered ({error.strerror}): start this program by "
+            f"'python -P -m hardware.sim.emulated.ethercat.inside {pid} -m MODULE ...', or run it as root"
+        ) from error
 
 
 def raw_socket(interface: str, ethertype: int) -> socket.socket:
@@ -161,6 +189,6 @@ def _attribute(kind: int, data: bytes) -> bytes:
 
 
 def _call(name: str, *arguments: int) -> None:
-    """A function of the C library that returns 0."""
+    """A function of the C library that returns 0; raises ``OSError`` otherwise."""
     if getattr(ctypes.CDLL(None, use_errno=True), name)(*arguments):
-        raise NoNetwork(_FORBIDDEN.format(os.strerror(ctypes.get_errno())))
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from hardware.sim.emulated.moteus.injected import Injected
+
 CONFIGURATION: Final = {
     "servo.default_timeout_s": 0.1,
     "servo.timeout_mode": 12.0,
@@ -19,9 +21,14 @@ CONFIGURATION: Final = {
 class Console:
     """Takes text in, and keeps what it has to say until it is asked for."""
 
-    def __init__(self, device: int) -> None:
-        self.values = {**CONFIGURATION, "id.id": float(device)}
+    def __init__(self, device: int, injected: Injected) -> None:
+        self._device, self._injected = device, injected
         self._line, self._said = b"", b""
+        self.forget()
+
+    def forget(self) -> None:
+        """What was set, and not written into its flash memory, is lost with its power."""
+        self.values = {**CONFIGURATION, "id.id": float(self._device)}
 
     def hear(self, text: bytes) -> None:
         """Text of any length; a line is carried out at its end."""
@@ -43,9 +50,11 @@ class Console:
                 return f"{self.values[name]:g}"
             case ["conf", "set", name, value] if name in self.values:
                 try:
-                    self.values[name] = float(value)
+                    number = float(value)
                 except ValueError:
                     return "ERR error setting"
+                if self._injected.keeps:
+                    self.values[name] = number
                 return "OK"
             case ["conf", "get" | "set", *_]:
                 return "ERR error setting"

@@ -25,7 +25,7 @@ VOLTAGE: Final = 24.0
 TEMPERATURE: Final = 30.0
 """Usual ones [V, °C]."""
 _FACTS: Final[dict[int, float]] = {
-    Register.MODEL_NUMBER: 0x0411, Register.FIRMWARE: 0x010000, Register.REGISTER_MAP: 5, Register.HOME_STATE: 1
+    Register.MODEL_NUMBER: 0x0411, Register.FIRMWARE: 0x010000, Register.REGISTER_MAP: 5
 }  # fmt: skip
 _DEFAULTS: Final[dict[int, float]] = {
     Register.COMMAND_POSITION: 0.0, Register.COMMAND_VELOCITY: 0.0, Register.COMMAND_TORQUE: 0.0,
@@ -53,7 +53,8 @@ class EmulatedController:
     """
 
     def __init__(self, device: int) -> None:
-        self.device, self.injected, self.console = device, Injected(), Console(device)
+        self.device, self.injected = device, Injected()
+        self.console = Console(device, self.injected)
         self.mode, self.code, self.commands = Mode.STOPPED, 0, 0
         self.inputs = {analog(aux, pin): 0.0 for aux in (1, 2) for pin in range(ANALOG_PINS)}
         self.outputs = {int(Register.AUX1_OUTPUTS): 0, int(Register.AUX2_OUTPUTS): 0}
@@ -65,6 +66,7 @@ class EmulatedController:
             Register.POSITION: lambda: self._angle / TURN + injected.encoder_jump,
             Register.VELOCITY: lambda: self._velocity / TURN,
             Register.TORQUE: lambda: self._given,
+            Register.HOME_STATE: lambda: injected.home_state,
             Register.VOLTAGE: lambda: VOLTAGE if injected.voltage is None else injected.voltage,
             Register.TEMPERATURE: lambda: TEMPERATURE if injected.temperature is None else injected.temperature,
             Register.FAULT: lambda: self.code,
@@ -80,6 +82,8 @@ class EmulatedController:
     def take(self, data: bytes, now: float) -> bytes:
         """A frame; the answer to it, without NOPs."""
         self._watch(now)
+        if self.injected.dead:
+            return b""
         plan = next((plan for plan in self._plans if plan.fits(data)), None)
         if plan is not None:
             self._write(plan.values(data), now)
@@ -134,9 +138,9 @@ class EmulatedController:
             self.mode, self.code = Mode.STOPPED, 0
         elif mode in (Mode.POSITION, Mode.ZERO_VELOCITY, Mode.BRAKE):
             self._wanted = Mode(mode)
-            if self.mode is Mode.STOPPED:
+            if self.mode is Mode.STOPPED and not self.injected.stays:
                 self.mode, self._enabled_at = Mode.ENABLING, now + ENABLING_TIME
-            elif self.mode not in (Mode.FAULT, Mode.TIMEOUT, Mode.ENABLING):
+            elif self.mode not in (Mode.STOPPED, Mode.FAULT, Mode.TIMEOUT, Mode.ENABLING):
                 self._enter(self._wanted)
 
     def _enter(self, mode: Mode) -> None:
@@ -147,6 +151,9 @@ class EmulatedController:
         """What time alone brings about."""
         if self.injected.code:
             self.mode, self.code, self.injected.code = Mode.FAULT, self.injected.code, 0
+        if self.injected.reset:
+            self.mode, self.injected.reset = Mode.STOPPED, False
+            self.console.forget()
         if self.mode is Mode.ENABLING and now >= self._enabled_at:
             self._enter(self._wanted)
         if self.mode is Mode.POSITION and self.injected.watchdog_bites:

@@ -22,3 +22,14 @@ class Injected:
     torque_share: float = 1.0
     """Of the torque that it was asked for, it gives so much."""
     watchdog_bites: bool = True
+    """Without commands it goes into time-out."""
+    dead: bool = False
+    """It neither hears nor answers, as with its cable cut; what it was told before it goes on with."""
+    reset: bool = False
+    """It loses its power for a moment, once: it is stopped, and its configuration what it was before."""
+    stays: bool = False
+    """It never begins to work."""
+    keeps: bool = True
+    """It keeps what its configuration is set to."""
+    home_state: int = 1
+    """How well it knows its position; 0: not at all."""

@@ -24,6 +24,7 @@ from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, Har
 from hardware.parameters import load_parameters
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.process.settings import WorldSettings, keep_settings
+from tests.hardware.drives.ethercat.privileges import require_privileges
 
 DRIVES = DriveSettings(
     joints=(JointSettings(encoder_bits=22, sign=-1, offset=0.3), JointSettings(encoder_bits=22), JointSettings()),
@@ -43,19 +44,9 @@ class Opened(NamedTuple):
     told: list[str]
 
 
-def require_network() -> None:
-    """Raw sockets in a network of one's own: without them CI fails, and elsewhere the reason is said."""
-    if namespace.privileged():
-        return
-    reason = "this process may not enter another network (no CAP_SYS_ADMIN): run as root, or under 'unshare -r'"
-    if os.environ.get("CI") or os.environ.get("TOUCHMOVE_CI"):
-        pytest.fail(reason)
-    pytest.skip(reason)
-
-
 @pytest.fixture(scope="module", params=["generic", "mr-j4-tm"])
 def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    require_network()
+    require_privileges()
     run_dir: Path = tmp_path_factory.mktemp("ethercat")
     settings = EtherCatSettings(interface=namespace.MASTER_END, preset=request.param)
     world = WorldSettings(

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from hardware.drives.clock import tick_now
 from hardware.drives.settings import DriveSettings, FingerSettings, ForceSettings, JointSettings
 from hardware.interfaces import HardwareError, Pace
-from hardware.sim.emulated.pacing import LONGEST_DELAY, FollowingPacer, tick_now
+from hardware.sim.emulated.pacing import LONGEST_DELAY, FollowingPacer
 from hardware.sim.emulated.plant_drives import DrivenWorld, MotorCommand, MotorState, driven_world_of
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import WorldSettings, keep_settings
