@@ -115,7 +115,7 @@ def _compare(found: Identification, believed: RobotParameters, true: RobotParame
     truth |= dict(zip(FRICTION_NAMES, [a.viscous for a in arms] + [a.coulomb for a in arms], strict=True))
     told = [one for one in found.estimates if one.told]
     off = [abs(one.value / truth[one.name] - 1.0) for one in told if one.name in NAMES]
-    tally["base"].append(100.0 * max(off))
+    tally["base"].append(100.0 * max(off, default=1.0))  # nothing told is nothing found
     tally["base_nominal"].append(100.0 * float(np.abs(base_of(believed) / base - 1.0).max()))
     tally["untold"].append(float(len(found.estimates) - len(told)))
     tally["outside_band"] += [float(abs(one.value - truth[one.name]) > one.band) for one in told]
@@ -135,9 +135,8 @@ def track(true: RobotParameters, believed: RobotParameters, table: TableSettings
 
     def note(supervisor: Supervisor) -> None:
         reference = supervisor.reference.position
-        gaps.append(
-            (np.linalg.norm(supervisor.law.state.position - reference), supervisor.reference.row[STIFFNESS].min())
-        )
+        gap = float(np.linalg.norm(supervisor.law.state.position - reference))
+        gaps.append((gap, float(supervisor.reference.row[STIFFNESS].min())))
 
     bed.listeners.append(note)
     game, air = list[FloatArray](), list[FloatArray]()

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+from app.commissioning.identification.estimation import identify
 from app.commissioning.identification.excitation import Excitation, find_excitation
 from app.commissioning.identification.survey import borders_of
 from app.measure.bench import identify as bench
-from app.measure.bench.beds.unknown_robot import unknown_robot
+from app.measure.bench.beds.unknown_robot import bed_of, recorded, unknown_plant, unknown_robot
 from app.measure.bench.report import Tally
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
@@ -37,7 +39,7 @@ def test_a_law_that_knows_the_robot_tracks_better_and_the_same_game_repeats(monk
 
 
 @pytest.mark.slow
-def test_the_bars_hold_for_a_robot_and_would_not_without_identification(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bars_hold_for_a_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "LINE", "e4 d5")
     monkeypatch.setattr(bench, "find_excitation", lambda *_: excitation())
     monkeypatch.setitem(bench.ROBOTS, True, 1)
@@ -48,29 +50,9 @@ def test_the_bars_hold_for_a_robot_and_would_not_without_identification(monkeypa
     rows = report.rows
     assert 0.0 < rows["base"].max < bench.BASE_LIMIT < rows["base_nominal"].max
     assert rows["game_ratio"].max == pytest.approx(rows["game_identified"].max / rows["game_true"].max)
-    monkeypatch.setattr(bench, "identify", lambda record, believed, pole_pairs: _nothing_found(record, believed))
-    blind = bench.identify_bench(True, said.append)
-    assert not blind.rows["base"].holds
-    assert not blind.holds
-
-
-def _nothing_found(record, believed):  # type: ignore[no-untyped-def]
-    """As if the motion had shown that all is as it was believed."""
-    from dataclasses import replace
-
-    from app.commissioning.identification.estimation import identify
-
-    found = identify(record, believed, 5)
-    estimates = tuple(replace(one, value=one.believed) for one in found.estimates)
-    return replace(found, estimates=estimates, parameters=believed)
 
 
 def test_what_was_not_told_is_counted_and_not_judged() -> None:
-    from dataclasses import replace
-
-    from app.commissioning.identification.estimation import identify
-    from app.measure.bench.beds.unknown_robot import bed_of, recorded, unknown_plant
-
     true = unknown_robot(BELIEVED, ROBOT)
     plant = unknown_plant(true, TABLE, excitation().middle, ROBOT)
     found = identify(recorded(bed_of(plant, BELIEVED, TABLE), excitation()), BELIEVED, 5)
