@@ -110,10 +110,10 @@ def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
     return {
         "real_time": row([float(granted)], "granted"),
         "missed_ticks": row([100.0 * statistics.missed], "%", limit, "max", statistics.ticks + statistics.skipped),
-        "tick_work": _row(statistics.work, WORK_LIMIT if granted else None),
-        "law": _row(statistics.law),
-        "lateness": _row(statistics.lateness),
-        "period_error": _row(statistics.period_error),
+        "tick_work": time_row(statistics.work, WORK_LIMIT if granted else None),
+        "law": time_row(statistics.law),
+        "lateness": time_row(statistics.lateness),
+        "period_error": time_row(statistics.period_error),
         "stolen_time": row([100.0 * stolen], "%"),
         "stopped_motions": row([stopped], "motions"),
         "arm_not_at_rest": row([float(not end.at_rest)], "arms", 0.0, "max"),
@@ -176,7 +176,7 @@ def thinking(progress: Progress) -> Iterator[None]:
         raise UserError(str(error)) from error
 
 
-def _row(statistics: Statistics, limit: float | None = None) -> Row:
+def time_row(statistics: Statistics, limit: float | None = None) -> Row:
     """In µs; a limit is one of p99."""
     mean, p50, p99, largest = (1e6 * v for v in (statistics.mean, statistics.p50, statistics.p99, statistics.max))
     holds = limit is None or p99 <= limit

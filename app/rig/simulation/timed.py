@@ -6,14 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from app import UserError
 from app.motion import MotionSettings
-from app.rig.rig_file import WorldSection
+from app.rig.rig_file import DrivesSection, WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.records.loop_statistics import STATISTICS_FILE
 from hardware.frozen import Frozen
+
+_OWN_DRIVES: Final = DrivesSection()
 
 
 class Statistics(Frozen):
@@ -73,11 +76,13 @@ class RunEnd:
 class TimedRig:
     """Devices for measurements of time, their rig file, and how the arm moves on them; see ``timed_rig``."""
 
-    def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None], *, cameras: bool = False) -> None:
+    def __init__(
+        self, run_dir: Path, seed: int, progress: Callable[[str], None], *, cameras: bool, drives: DrivesSection
+    ) -> None:
         self.motion = MotionSettings()
         self._started = False
         world = WorldSection(seed=seed, cameras=cameras, realtime=True, linger=1.0)
-        self.file = own_rig(run_dir, world, {"linger": 5.0})
+        self.file = own_rig(run_dir, world, {"linger": 5.0}, drives=drives)
         # not what each of hundreds of motions does
         self.rig = SimRig(self.file, lambda step: None if self._started else progress(step))
         self._started = True
@@ -89,13 +94,15 @@ class TimedRig:
 
 
 @contextmanager
-def timed_rig(seed: int, progress: Callable[[str], None], *, cameras: bool = False) -> Iterator[TimedRig]:
+def timed_rig(
+    seed: int, progress: Callable[[str], None], *, cameras: bool = False, drives: DrivesSection = _OWN_DRIVES
+) -> Iterator[TimedRig]:
     """A rig in a temporary folder: all pieces on the board, cameras or none, all as punctual as the PC allows.
 
     The seed decides how the pieces stand. Raises ``RigFailed`` if a process did not start.
     """
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
-        timed = TimedRig(Path(folder) / "run", seed, progress, cameras=cameras)
+        timed = TimedRig(Path(folder) / "run", seed, progress, cameras=cameras, drives=drives)
         with timed.rig:
             yield timed
 
