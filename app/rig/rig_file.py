@@ -125,6 +125,9 @@ class WorldSection(WorldOptions):
     """The side at which a simulated person sits; nobody if left out. Their hand does what a program of its own has it
     do: a game knows as little of that as in a lab."""
 
+    robot: Path | None = None
+    """Parameters of the robot that is there, whatever the rig file's ``parameters`` believe of it; these if left
+    out."""
     processes: Processes = Processes.TOGETHER
     """Of a game's own simulation in pace fast; ``touchmove controller`` keeps world and controller apart."""
 
@@ -215,8 +218,13 @@ def load_rig(path: Path) -> RigFile:
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
     paths["calibration"] = folder / rig.calibration
+    world = rig.world
+    if world is not None and world.robot is not None:
+        world = world.model_copy(update={"robot": folder / world.robot})
     try:
         load_parameters(paths["parameters"])
+        if world is not None and world.robot is not None:
+            load_parameters(world.robot)
     except ParametersError as error:
         raise ConfigError(f"rig file {path}: {error}: mend that file") from error
     drives = rig.drives
@@ -224,7 +232,9 @@ def load_rig(path: Path) -> RigFile:
         drives = drives.model_copy(
             update={"moteus": drives.moteus.model_copy(update={"port": folder / drives.moteus.port})}
         )
-    return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), "drives": drives, **paths})
+    return rig.model_copy(
+        update={"controller": key, "camera": _placed(rig.camera, folder), "drives": drives, "world": world, **paths}
+    )
 
 
 def save_rig(rig: RigFile, path: Path) -> None:

@@ -36,6 +36,7 @@ _SETTLING: Final = 0.3  # at each point, before anything is measured [s]
 _READINGS, _EVERY = 10, 0.03  # of the torques at each point, and from one to the next [s]
 _AROUND: Final = 8  # directions in which the workspace's edge is visited
 _MIDDLE: Final = 0.55  # share of the way to the edge, of poses whose gravity is measured
+_BLOW: Final = 0.1  # after the touch was felt its force still counts [s]
 _ABOVE: Final = 0.030  # the touch begins so high above the board [m]
 
 
@@ -145,8 +146,9 @@ def touch(stage: Stage, run_dir: Path) -> tuple[float, float]:
     record = _record(stage, run_dir)
     height = float(stage.table.board_from_base(np.array(stage.client.telemetry.position))[2]) - lowest
     stage.go(settings, stage.home, "home")
-    force = record["force"][record["motion"] == touched]
-    return height, float(np.abs(force[:, 2]).max(initial=0.0))
+    begin, end = np.flatnonzero(record["motion"] == touched)[[0, -1]]
+    force = record["force"][begin : end + round(_BLOW / stage.client.period), 2]
+    return height, float(np.abs(force - force[0]).max())
 
 
 def _record(stage: Stage, run_dir: Path) -> NDArray[Any]:

@@ -128,5 +128,5 @@ def world_settings(rig: RigFile, **also: Any) -> WorldSettings:
         chosen[rig.drives.bus] = rig.drives.of_bus
     return WorldSettings(
         **chosen, pieces=start_layout(board, rig.table) if board.occupied else (), table=rig.table,
-        home=MotionSettings().at(rig.table).home, parameters_file=rig.parameters, **also,
+        home=MotionSettings().at(rig.table).home, parameters_file=world.robot or rig.parameters, **also,
     )  # fmt: skip
