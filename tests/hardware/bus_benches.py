@@ -40,6 +40,7 @@ from hardware.sim.emulated.moteus.devices import PORT
 from hardware.sim.process.inner_bus import InnerServoBus
 from hardware.sim.process.server import World
 from hardware.sim.process.settings import WorldSettings, keep_settings
+from tests.hardware.drives.ethercat.privileges import require_privileges
 from tests.waiting import PATIENCE
 
 KINDS: Final = ("sim-fast", "sim-real", "inside", "moteus", "ethercat")
@@ -187,7 +188,7 @@ class Bench:
             process = self._start(folder, world_of, "app.cli", "world", "--run-dir")
             at = MOTEUS.model_copy(update={"port": folder / PORT})
             return self._as_soon_as_there(process, lambda: MoteusServoBus(DRIVES, at, ROBOT, self.told.append))
-        require_network()
+        require_privileges()
         world_of = world_settings(folder, Pace.REAL, ethercat=ETHERCAT)
         process = self._start(folder, world_of, "hardware.sim.emulated.ethercat.process")
         enter = functools.partial(namespace.within_network, namespace.network_pid(folder))
@@ -212,13 +213,3 @@ class Bench:
                 if time.monotonic() > deadline or process.poll() is not None:
                     raise
                 time.sleep(0.1)
-
-
-def require_network() -> None:
-    """Raw sockets in a network of one's own: without them CI fails, and elsewhere the reason is said."""
-    if namespace.privileged():
-        return
-    reason = "this process may not enter another network (no CAP_SYS_ADMIN): run as root, or under 'unshare -r'"
-    if os.environ.get("CI") or os.environ.get("TOUCHMOVE_CI"):
-        pytest.fail(reason)
-    pytest.skip(reason)

@@ -23,7 +23,7 @@ class Answered(NamedTuple):
     """What came instead; None: nothing."""
 
 
-class Answers:
+class AnswerCollector:
     """Collects answers.
 
     Args:

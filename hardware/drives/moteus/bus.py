@@ -14,7 +14,7 @@ from hardware.drives.clock import TickClock
 from hardware.drives.faults import DriveFault, Finding
 from hardware.drives.joint import FingerScale
 from hardware.drives.moteus.adapter import Adapter
-from hardware.drives.moteus.answers import Answers
+from hardware.drives.moteus.answers import AnswerCollector
 from hardware.drives.moteus.cycle import Told
 from hardware.drives.moteus.fdcanusb import with_check_sum
 from hardware.drives.moteus.health import ControllerWatch, look_at, of_all
@@ -89,10 +89,10 @@ class MoteusServoBus:
         self._watches = [ControllerWatch(self._settings.lost_replies) for _ in machine.controllers]
         limits = [joint.temperature_limit for joint in drives.joints]
         self._hot = [*limits, max(limits)]
-        self._answers = Answers(self._adapter, machine.controllers, self._settings.reply_time)
+        self._answers = AnswerCollector(self._adapter, machine.controllers, self._settings.reply_time)
         self._told: list[Told | None] = [None] * len(machine.controllers)
         self._bitten = self._ill = self._pumped = self._closed = False
-        self._clock = TickClock(self.period)
+        self._clock, self._tick = TickClock(self.period), 0
         self._tick = self._clock.tick
         self._sent = self._fed = math.nan
         self.took = 0.0
@@ -197,6 +197,7 @@ class MoteusServoBus:
     def _take(self, command: Command, elapsed: float) -> None:
         heard = self._answers.collect()
         answered = time.monotonic()
+        self._tick = self._clock.told(answered)
         missed = [
             None if told is not None else watch.missed(damage)
             for told, damage, watch in zip(heard.told, heard.damage, self._watches, strict=True)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from hardware.drives.moteus.registers import Mode
 from hardware.drives.moteus.settings import MoteusSettings
+from hardware.realtime import real_time
 from hardware.sim.emulated.moteus.devices import PORT, MoteusDevices
 from hardware.sim.emulated.moteus.injected import Injected
 from hardware.sim.emulated.plant_drives import MotorState
@@ -33,7 +34,13 @@ class Since(NamedTuple):
 
 
 def emulate(control: Connection, run_dir: Path, settings: MoteusSettings) -> None:
-    """Serve the master, and the test: "since", "end", or the arguments of ``plant``."""
+    """Serve the master, and the test, in real time where the system grants it."""
+    with real_time("the emulator", 90):
+        serve(control, run_dir, settings)
+
+
+def serve(control: Connection, run_dir: Path, settings: MoteusSettings) -> None:
+    """Until the test says "end"; else it says "since", or the arguments of ``plant``."""
     devices = MoteusDevices(run_dir, settings)
     devices.sense(STILL)
     control.send(None)

@@ -18,6 +18,7 @@ from hardware.drives.moteus.settings import MoteusSettings, PinSettings
 from hardware.drives.settings import DriveSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Measurement, fault_of
 from hardware.parameters import load_parameters
+from hardware.realtime import real_time
 from tests.hardware.drives.moteus.emulator import Emulator, emulated
 from tests.waiting import until
 
@@ -120,10 +121,11 @@ def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def bench(opened: Bench) -> Bench:
-    opened.emulator.heal()
-    opened.settle()
-    return opened
+def bench(opened: Bench) -> Iterator[Bench]:
+    with real_time("the test", 80):  # where the system grants it, as a controller has it
+        opened.emulator.heal()
+        opened.settle()
+        yield opened
 
 
 def found(bench: Bench, fault: Planted, rng: random.Random) -> bool:
