@@ -39,7 +39,7 @@ class BringUpStopped(HardwareError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Opening:
+class BrakeOpening:
     """What one opening of the brakes showed."""
 
     torque: FloatArray
@@ -67,7 +67,7 @@ class WatchedBus:
         """Of the servomotors at the last tick, (3,) [rad]."""
         return np.array(self._said.angle)
 
-    def open_briefly(self, torque: FloatArray, way: float = OPENING_WAY, longest: float = OPENING_TIME) -> Opening:
+    def open_briefly(self, torque: FloatArray, way: float = OPENING_WAY, longest: float = OPENING_TIME) -> BrakeOpening:
         """Open the brakes under a torque, (3,) [N m], until a servomotor has turned so far [rad], or for so long [s].
 
         Raises:
@@ -93,7 +93,7 @@ class WatchedBus:
         finally:
             self.rest()
             self._widest = max(self._widest, self.farthest - before)
-        return Opening(
+        return BrakeOpening(
             np.array(asked), (np.array([row.tick for row in rows], float) - rows[0].tick) * self._bus.period,
             np.array([row.angle for row in rows]), np.array([row.velocity for row in rows]),
         )  # fmt: skip
@@ -166,7 +166,7 @@ def _triple(values: FloatArray) -> Triple:
     return a, b, c
 
 
-def accelerations(opening: Opening) -> FloatArray:
+def accelerations(opening: BrakeOpening) -> FloatArray:
     """Of the three servomotors from the moment at which the brakes really opened, (3,) [rad/s²].
 
     Least squares on ``q = q0 + a (t - t0)²/2`` with one t0 for all, half a tick fine; so the brakes' own delay does not
