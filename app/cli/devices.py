@@ -142,7 +142,7 @@ def commission(
 ) -> None:
     """Bring an arm up, step by step, from the first switch-on to its first game. Keep hands away."""
     from app.commissioning.bring_up.commission import run_commission
-    from app.commissioning.bring_up.person import Attendant, GivenAnswers, load_answers, parse_triple
+    from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
     from app.commissioning.bring_up.steps import CommissionStep
 
     if start is not None and start not in list(CommissionStep):
@@ -155,7 +155,7 @@ def commission(
             if point is None:
                 fail(f"'--measured-tool {measured_tool}' is no point: give x,y,height [mm], such as 0,-75,145")
             given = given.model_copy(update={"measured_tool": point})
-        person = Attendant(given, None if yes else ask)
+        person = Commissioner(given, None if yes else ask)
         first = None if start is None else CommissionStep(start)
         return run_commission(rig, person, say, start=first, status=status, game=game)
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app import UserError
-from app.commissioning.bring_up.person import Attendant
+from app.commissioning.bring_up.person import Commissioner
 from app.commissioning.bring_up.runs import GAME_PLIES, RUNS, WHAT, CommissionSite, Progress, require_free
 from app.commissioning.bring_up.steps import (
     FILE,
@@ -29,7 +29,7 @@ from app.settings.tree import BOARD, SIMULATED
 
 def run_commission(
     name: str,
-    person: Attendant,
+    person: Commissioner,
     progress: Progress,
     *,
     start: CommissionStep | None = None,
@@ -65,7 +65,7 @@ def run_commission(
     return _go_on(site, path, done, game)
 
 
-def _site(name: str, person: Attendant, progress: Progress) -> CommissionSite:
+def _site(name: str, person: Commissioner, progress: Progress) -> CommissionSite:
     rig = load_rig(Path(name))
     return CommissionSite(name, rig, rig.robot(), person, progress)
 

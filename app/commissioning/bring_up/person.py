@@ -33,7 +33,7 @@ def load_answers(path: Path) -> GivenAnswers:
     return load_toml(path, GivenAnswers, "answers", "give a TOML file, such as: measured_tool = [0.0, -75.0, 145.0]")
 
 
-class Attendant:
+class Commissioner:
     """Somebody who is asked, unless the answer was given beforehand."""
 
     def __init__(self, answers: GivenAnswers, read: Read | None) -> None:

@@ -13,7 +13,7 @@ from app import UserError
 from app.commissioning.bring_up import commission
 from app.commissioning.bring_up.commission import run_commission
 from app.commissioning.bring_up.naming import name_parameters, with_parameters
-from app.commissioning.bring_up.person import Attendant, GivenAnswers, load_answers, parse_triple
+from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
 from app.commissioning.bring_up.runs import CommissionSite
 from app.commissioning.bring_up.steps import (
     FILE,
@@ -113,7 +113,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 def go(lab: Path, read: Callable[[str], str] | None = None, **options: object):  # type: ignore[no-untyped-def]
-    return run_commission(str(lab), Attendant(GivenAnswers(), read), lambda _: None, **options)  # type: ignore[arg-type]
+    return run_commission(str(lab), Commissioner(GivenAnswers(), read), lambda _: None, **options)  # type: ignore[arg-type]
 
 
 def test_steps_come_in_order_and_a_step_that_fails_ends_it(lab: Path, bench: Bench) -> None:
@@ -153,7 +153,7 @@ def test_whoever_says_no_ends_it(lab: Path, bench: Bench) -> None:
 
 def test_rigs_that_have_no_arm_of_their_own_are_refused() -> None:
     with pytest.raises(UserError, match="needs no commissioning"):
-        run_commission("sim", Attendant(GivenAnswers(), None), lambda _: None)
+        run_commission("sim", Commissioner(GivenAnswers(), None), lambda _: None)
 
 
 def test_a_table_says_what_to_do(lab: Path, bench: Bench) -> None:
@@ -196,10 +196,10 @@ def test_answers_are_numbers_or_asked_again(tmp_path: Path) -> None:
     typed = iter(["there", "0 -75 145"])
     import numpy as np
 
-    asked = Attendant(GivenAnswers(), lambda _: next(typed)).tool(np.zeros(3))
+    asked = Commissioner(GivenAnswers(), lambda _: next(typed)).tool(np.zeros(3))
     assert asked.tolist() == [0.0, -0.075, 0.145]
     with pytest.raises(UserError, match="--measured-tool"):
-        Attendant(GivenAnswers(), None).tool(np.zeros(3))
+        Commissioner(GivenAnswers(), None).tool(np.zeros(3))
     file = tmp_path / "answers.toml"
     file.write_text("measured_tool = [0.0, -75.0, 145.0]\npole_pairs = 4\n")
     assert load_answers(file) == GivenAnswers(measured_tool=(0.0, -75.0, 145.0), pole_pairs=4)
