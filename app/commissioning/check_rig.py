@@ -126,12 +126,12 @@ def _check_drives(
             judge.left_out("all", f"{held}; end it to try them alone")
             return judge.findings
     try:
-        with drives_of(rig, progress) as open_bus:
+        with drives_of(rig, progress) as drives:
             seen: list[Finding] = []
             if rig.simulated and rig.sees:  # first: the world ends when its drives are given up
                 require_world(rig, progress)
                 seen = _check_camera(rig)
-            return judge.findings + check_drives(open_bus, parameters, rig.table) + seen
+            return judge.findings + check_drives(drives.open, parameters, rig.table) + seen
     except (UserError, HardwareError) as error:
         judge.wrong("connection", str(error), "put right what it says, then check again")
         return judge.findings

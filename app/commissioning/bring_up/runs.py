@@ -68,8 +68,8 @@ WHAT: Final = {
 def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]) -> list[Finding]:
     """Open the drives for a step, and leave them on their brakes."""
     try:
-        with drives_of(site.rig, site.progress) as open_bus:
-            bus = open_bus(site.parameters)
+        with drives_of(site.rig, site.progress) as drives:
+            bus = drives.open(site.parameters)
             try:
                 return try_it(bus)
             finally:

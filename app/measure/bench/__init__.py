@@ -11,6 +11,7 @@ from app.measure.bench.clock import clock_bench
 from app.measure.bench.fallen import fallen_bench
 from app.measure.bench.finger import finger_bench
 from app.measure.bench.grip import grip_bench
+from app.measure.bench.identify import identify_bench
 from app.measure.bench.kills import kills_bench
 from app.measure.bench.law import law_bench
 from app.measure.bench.loop import loop_bench
@@ -29,6 +30,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType({
     "law": law_bench, "loop": loop_bench, "finger": finger_bench, "kills": kills_bench, "motion": motion_bench,
     "sim": sim_bench, "grip": grip_bench, "fallen": fallen_bench, "recovery": recovery_bench, "people": people_bench,
     "knocks": knocks_bench, "vision": vision_bench, "clock": clock_bench, "pictures": pictures_bench,
+    "identify": identify_bench,
 })  # fmt: skip
 """By name; each takes ``quick`` and a function that is told what is being done."""
 

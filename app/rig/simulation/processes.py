@@ -9,6 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -131,7 +132,7 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
         def ready(host: str, port: int) -> None:
             progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
 
-        with drives_of(rig, progress) as open_bus:
+        with drives_of(rig, progress) as drives:
             key = rig.controller.key
             try:
                 if not key.exists():
@@ -139,7 +140,9 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
                     progress(f"made the key {key}: copy it to every computer that has to reach this controller")
             except KeyFileError as error:
                 raise UserError(str(error)) from error
-            return _serve(rig, open_bus, ready)
+            status = _serve(rig, drives.open, ready)
+            drives.lost = status != 0
+            return status
 
 
 def _end_world(rig: RigFile) -> None:
@@ -198,9 +201,18 @@ def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
         progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
 
 
+@dataclass(slots=True)
+class RigDrives:
+    """A rig's drives, not open yet."""
+
+    open: Opener
+    lost: bool = False
+    """They do not answer any more, or have failed; a world behind them waits for the next program, as a robot would."""
+
+
 @contextlib.contextmanager
-def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Opener]:
-    """What opens a rig's drives; a simulated world is started for them, and ends with them.
+def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[RigDrives]:
+    """A rig's drives; a simulated world is started for them, and ends with them unless they are lost.
 
     A driver that is not installed is found out before anything starts: ``UserError``.
     """
@@ -209,10 +221,12 @@ def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Opener]
     if _has_network(rig):
         require_world(rig, progress)
         _enter_network(rig.run_dir)
+    drives = RigDrives(opener_of(rig, lambda: require_world(rig, progress)))
     try:
-        yield opener_of(rig, lambda: require_world(rig, progress))
+        yield drives
     finally:
-        _end_world(rig)
+        if not drives.lost:
+            _end_world(rig)
 
 
 def _has_network(rig: RigFile) -> bool:

@@ -32,6 +32,8 @@ RESETTING: Final = 0.5
 """So long a fault that is being reset counts as reset [s]."""
 LIFT_EVERY: Final = 0.02
 """Devices that are not in OP are asked for their next step so often, while the arm is on its brakes [s]."""
+ASK_EVERY: Final = 0.25
+"""All devices are asked for their state so often [s]: one without outputs leaves OP and the working counter stays."""
 _NO_FORCES = (0.0, 0.0)
 _TARGETS: Final = {Wanted.OFF: DriveState.READY, Wanted.STANDBY: DriveState.SWITCHED_ON, Wanted.RUN: DriveState.ENABLED}
 
@@ -79,7 +81,7 @@ class EtherCatServoBus:
         self._came: deque[bool] = deque(maxlen=FRAMES)
         self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
-        self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
+        self._cleared_since = self._wanted_since = self._lifted = self._asked = time.monotonic()
         self._wrong, self._doubt = 0, True
         self._unanswered: float | None = None
         self._answered = self._sent = time.monotonic()
@@ -175,6 +177,7 @@ class EtherCatServoBus:
             self._latch(faults.of_losses(self._losses, len(self._came), self._grown()))
         if self._latched is None:
             self._judge_states(command, now)
+            self._ask_states(now)
         self._recover(now, command)
         status = self._status(command)
         one, two, three = self._arms
@@ -234,6 +237,15 @@ class EtherCatServoBus:
         if now - self._wanted_since > STAY:
             place, state = self._settings.place(lagging), self._axes[lagging].state
             self._latch(faults.of_stay(lagging, place, state, now - self._wanted_since))
+
+    def _ask_states(self, now: float) -> None:
+        """Now and then, while the arm runs: a device whose process data say nothing of it may have left OP."""
+        if not self._ran or now - self._asked < ASK_EVERY:
+            return
+        self._asked = now
+        network = self._network
+        if faults.of_health(network.health()) is not None and (ill := faults.of_health(network.health())) is not None:
+            self._latch(ill)  # asked twice: one frame may be lost
 
     def _status(self, command: Command) -> DriveStatus:
         states = [arm.state for arm in self._arms]

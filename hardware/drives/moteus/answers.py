@@ -1,4 +1,8 @@
-"""The answers of one exchange: collected as they come, each put with its controller; lost and damaged ones told."""
+"""The answers of one exchange: collected as they come, each put with its controller; lost and damaged ones told.
+
+An answer does not say to which exchange it belongs. But lines come in order, and the adapter acknowledges every frame
+that it sends: what comes before an acknowledgement of this exchange answers one before, and is left out.
+"""
 
 import time
 from collections.abc import Sequence
@@ -31,10 +35,11 @@ class Answers:
     def __init__(self, adapter: Adapter, controllers: Sequence[Controller], patience: float) -> None:
         self._adapter, self._controllers, self._patience = adapter, controllers, patience
         self._places = {controller.device: place for place, controller in enumerate(controllers)}
+        self._unacknowledged = 0
 
-    def drop_late(self) -> None:
-        """Forget answers to an exchange before: one that was late would be taken for the next one, and so on."""
-        self._adapter.port.drop()
+    def expect(self) -> None:
+        """A frame for each controller is sent now."""
+        self._unacknowledged += len(self._controllers)
 
     def collect(self) -> Answered:
         """All answers, or those that came in time. Raises ``BusLost`` if the adapter is gone."""
@@ -47,7 +52,8 @@ class Answers:
             for line in lines:
                 missing -= self._put(line, told, damage)
             if not lines and time.monotonic() >= until:
-                break
+                return Answered(told, damage)
+        self._unacknowledged = 0
         return Answered(told, damage)
 
     def _put(self, line: bytes, told: list[Told | None], damage: list[str | None]) -> int:
@@ -57,6 +63,9 @@ class Answers:
         except AdapterLineError as error:
             return self._damaged(str(error), told, damage)
         if frame is None:
+            self._unacknowledged = max(0, self._unacknowledged - 1)
+            return 0
+        if self._unacknowledged >= len(self._controllers):
             return 0
         place = self._places.get(frame.source)
         if place is None or told[place] is not None:

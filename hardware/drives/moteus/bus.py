@@ -28,7 +28,7 @@ from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, Har
 from hardware.parameters import RobotParameters
 
 _BRAKES_CLOSE: Final = 0.2
-"""Within so long a relay lets go and the brakes close [s]; until then shorted motors damp the arm."""
+"""Within so long a relay lets go and the brakes close [s]; until then the motors hold the arm."""
 
 
 def say(sentence: str) -> None:
@@ -80,7 +80,7 @@ class MoteusServoBus:
 
     def _set_up(self, drives: DriveSettings, parameters: RobotParameters, machine: Machine) -> None:
         self._machine, self._controllers = machine, machine.controllers
-        self._mechanical = machine.pump is not None
+        self._mechanical, self._watchdog = machine.pump is not None, drives.watchdog
         self._joints = [
             ServoJoint(controller, joint, parameters.drive, drives.watchdog)
             for controller, joint in zip(machine.controllers, drives.joints, strict=False)
@@ -147,8 +147,9 @@ class MoteusServoBus:
         return all(joint.mode == Mode.POSITION for joint in self._joints)
 
     def _send(self, command: Command, elapsed: float) -> None:
-        """A frame to each; brakes stay closed until all motors hold."""
-        opened = command.enable and not command.brake and not self._tripped and self._ready
+        """A frame to each; brakes stay closed until all motors hold, and where a watchdog may have bitten meanwhile."""
+        ready = self._ready and elapsed < 0.5 * self._watchdog
+        opened = command.enable and not command.brake and not self._tripped and ready
         self._pumped = opened and not self._pumped
         if opened:
             self._fed = self._sent
@@ -157,7 +158,7 @@ class MoteusServoBus:
             for i, joint in enumerate(self._joints)
         ]
         lines.append(self._gripper(command))
-        self._answers.drop_late()
+        self._answers.expect()
         self._write(lines)
 
     def _outputs(self, part: int) -> int:
@@ -165,18 +166,17 @@ class MoteusServoBus:
         return pump[1] if pump is not None and pump[0] == part and self._pumped else 0
 
     def _wanted(self, i: int, command: Command) -> ServoAction:
-        """What a servomotor is to do."""
+        """What a servomotor is to do; until brakes have closed it holds its joint by itself."""
         if not command.enable and self._joints[i].mode in (Mode.FAULT, Mode.TIMEOUT):
             return ServoAction.OFF
-        if not self._mechanical:
-            if self.fault is not None and self.fault.device == i + 1:
-                return ServoAction.SHORT
-            return ServoAction.HOLD if command.brake or not command.enable or self._tripped else ServoAction.RUN
+        if self.fault is not None and self.fault.device == i + 1:
+            return ServoAction.SHORT
+        braked = command.brake or not command.enable or self._tripped
+        if braked and (not self._mechanical or self._sent - self._fed < _BRAKES_CLOSE):
+            return ServoAction.HOLD
         if self._tripped:
             return ServoAction.SHORT
-        if command.enable:
-            return ServoAction.RUN
-        return ServoAction.SHORT if self._sent - self._fed < _BRAKES_CLOSE else ServoAction.OFF
+        return ServoAction.RUN if command.enable else ServoAction.OFF
 
     def _gripper(self, command: Command) -> bytes:
         """The frame of the gripper; what it holds it keeps, whatever becomes of this computer."""

@@ -27,8 +27,9 @@ class MotorCommand(NamedTuple):
 
     torque: Triple
     """Of the three servomotors, at the motor's own shaft [N m]; 0 where a device is switched off."""
-    gripper_velocity: float
-    """The gripper's motor is asked for [rad/s]."""
+    gripper_velocity: float | None
+    """The gripper's motor is asked for [rad/s]; None: it is not driven, and its gear, which locks itself, keeps the
+    grip."""
     braked: bool
     """Brakes are closed: dry friction on every shaft."""
     powered: bool
@@ -93,6 +94,7 @@ class DrivenWorld(World):
         self._joints = tuple(JointScale.of(joint) for joint in settings.drives.joints)
         self._finger = FingerScale.of(settings.drives.finger)
         self._forces = settings.drives.forces
+        self._grip = self.plant.grip
         newton = [force.reading(1.0) - force.zero for force in self._forces or ()]
         self._planting: Planting | None = None
         if settings.planted:
@@ -129,8 +131,13 @@ class DrivenWorld(World):
         """Advance by one tick."""
         one, two, three = self._joints
         u, v, w = command.torque if self._planting is None else self._planting.given(command.torque)
+        if command.gripper_velocity is None:
+            finger = self._grip
+        else:
+            finger = self._finger.velocity(command.gripper_velocity)
+            self._grip = min(0.0, finger)
         asked = Command(
-            (one.torque(u), two.torque(v), three.torque(w)), self._finger.velocity(command.gripper_velocity),
+            (one.torque(u), two.torque(v), three.torque(w)), finger,
             command.braked, command.powered, busy=False,
         )  # fmt: skip
         self.plant.apply(asked)

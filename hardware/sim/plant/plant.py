@@ -175,6 +175,11 @@ class Plant:
         u[3] = min(u[3], 0.0)
 
     @property
+    def grip(self) -> float:
+        """Velocity with which each finger is pressed to close now, at most 0 [m/s]."""
+        return min(0.0, float(self.data.ctrl[3]))
+
+    @property
     def braked(self) -> bool:
         """True while the brakes are closed."""
         return bool(self._switches & _BRAKED)
@@ -194,7 +199,7 @@ class Plant:
         """Latch a command for the ticks to come.
 
         Amplifiers cut torques at their peak. Not enabled means no torque and closed brakes, and clears what tripped
-        the drives. A command that is not finite is a fault.
+        the drives; until then the gripper opens no further. A command that is not finite is a fault.
         """
         u1, u2, u3 = command.torque
         finger = command.finger_velocity
@@ -209,6 +214,8 @@ class Plant:
                 latched |= _SATURATED
         else:
             u1 = u2 = u3 = 0.0
+        if latched & _TRIPS:
+            finger = min(finger, 0.0)
         self._latched = latched
         self._switch(enabled, command.brake or not enabled)
         if self._flaws.ripple and enabled:

@@ -22,6 +22,7 @@ from controller.protocol import Result
 from controller.protocol.causes import explain
 from hardware.interfaces import Measurement
 from hardware.parameters import RobotParameters
+from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.plant.plant import Plant
@@ -59,10 +60,13 @@ class NoisyPlant(Plant):
         return said._replace(angle=(a, b, c), velocity=(d, e, f))
 
 
-def unknown_plant(true: RobotParameters, table: TableSettings, place: FloatArray, seed: int) -> NoisyPlant:
-    """An empty table under such a robot, whose tool stands at a place, base frame (3,) [m]."""
-    model = build_model(true, table, (), place, looks=False)
-    plant = NoisyPlant(model, true, (), flaws=Flaws(RANGES.devices, seed))
+def unknown_plant(
+    true: RobotParameters, table: TableSettings, place: FloatArray, seed: int, standing: tuple[StandingPiece, ...] = ()
+) -> NoisyPlant:
+    """A table with these pieces under such a robot, whose tool stands at a place, base frame (3,) [m]."""
+    model = build_model(true, table, standing, place, looks=False)
+    names = tuple(piece.spec.name for piece in standing)
+    plant = NoisyPlant(model, true, names, flaws=Flaws(RANGES.devices, seed))
     count = 2.0 * np.pi / 2.0**true.drive.encoder_bits
     plant.noise = ENCODER_NOISE * count * np.random.default_rng([seed, 6]).standard_normal((1 << 14, 3))
     return plant

@@ -64,8 +64,6 @@ class EtherCatDevices:
         self.slaves = {device: chain[settings.place(device)] for device in settings.chain}
         self.segment = SlaveChain(chain)
         self._period = drives.period
-        self._closing = -1.0 if drives.finger.direction > 0 else 1.0
-        self._closing_speed = 0.0
         self._due: list[Slave] = []
         self._heard, self._complete = -1.0, False
         self._socket = None if interface is None else _open(interface)
@@ -105,11 +103,7 @@ class EtherCatDevices:
         self._complete = False
         one, two, three = self.drives
         running = [drive.enabled for drive in self.drives]
-        if self.gripper.enabled:
-            speed = self.gripper.speed
-            self._closing_speed = speed if speed * self._closing > 0.0 else 0.0
-        else:
-            speed = self._closing_speed  # a gear that locks itself keeps the grip
+        speed = self.gripper.speed if self.gripper.enabled else None
         torque = tuple(drive.torque if drive.enabled else 0.0 for drive in (one, two, three))
         return MotorCommand(torque, speed, braked=not all(running), powered=any(running))  # type: ignore[arg-type]
 

@@ -8,11 +8,11 @@ from hardware.sim.emulated.ethercat import sii
 from hardware.sim.emulated.ethercat.clock import SlaveClock
 from hardware.sim.emulated.ethercat.coe import CoeServer
 from hardware.sim.emulated.ethercat.dictionary import Dictionary
-from hardware.sim.emulated.ethercat.states import may_change
 
 _FMMU: Final = struct.Struct("<IHBBHBBB")
 """Logical start, length, first and last bit, physical start, bit, type, active."""
 _READS, _WRITES = 1, 2
+_NEXT: Final = {reg.INIT: reg.PREOP, reg.PREOP: reg.SAFEOP, reg.SAFEOP: reg.OP}
 Piece = tuple[int, int, int, bool]
 """Of logical memory: first address, length, where it lies in the slave's memory, whether the master writes it."""
 
@@ -277,3 +277,12 @@ class Slave:
 
     def _put16(self, address: int, value: int) -> None:
         struct.pack_into("<H", self.memory, address, value)
+
+
+def may_change(current: int, wanted: int) -> int:
+    """0, or the AL status code of a refusal: one step up at a time, any number of steps down (ETG.1000.6, 6.4)."""
+    if wanted not in (reg.INIT, reg.PREOP, reg.SAFEOP, reg.OP):
+        return reg.UNKNOWN_STATE
+    if wanted <= current or _NEXT.get(current) == wanted:
+        return 0
+    return reg.INVALID_CHANGE

@@ -48,6 +48,7 @@ class EmulatedController:
         mode: what it does.
         inputs: readings of analog inputs, by register.
         outputs: of both auxiliary ports, by register.
+        toggled: those of them that have changed, until somebody takes that away.
         injected: faults.
         commands: so many command frames it has taken.
     """
@@ -58,6 +59,7 @@ class EmulatedController:
         self.mode, self.code, self.commands = Mode.STOPPED, 0, 0
         self.inputs = {analog(aux, pin): 0.0 for aux in (1, 2) for pin in range(ANALOG_PINS)}
         self.outputs = {int(Register.AUX1_OUTPUTS): 0, int(Register.AUX2_OUTPUTS): 0}
+        self.toggled: dict[int, int] = {}
         self._command = dict(_DEFAULTS)
         self._plans: list[FramePlan] = []
         injected = self.injected
@@ -121,6 +123,7 @@ class EmulatedController:
             if register == _MODE:
                 mode, command = int(value), dict(_DEFAULTS)
             elif register in self.outputs:
+                self.toggled[register] = self.toggled.get(register, 0) | (self.outputs[register] ^ int(value))
                 self.outputs[register] = int(value)
             elif command is not None and register in command:
                 command[register] = value
@@ -197,10 +200,10 @@ class EmulatedController:
         return self.mode not in _IDLE
 
     @property
-    def asked_velocity(self) -> float:
-        """What the motor is asked for in position mode [rad/s]; 0 in others."""
-        if self.mode is Mode.TIMEOUT or self.mode in _IDLE:
-            return 0.0
+    def asked_velocity(self) -> float | None:
+        """What the motor is asked for in position mode [rad/s]; None in others."""
+        if self.mode is not Mode.POSITION:
+            return None
         return self._command[Register.COMMAND_VELOCITY] * TURN
 
     def _torque(self, elapsed: float) -> float:

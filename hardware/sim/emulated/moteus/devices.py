@@ -123,13 +123,12 @@ class Relay:
         self._controller = controller
         self._register = int(Register.AUX1_OUTPUTS if pin.aux == 1 else Register.AUX2_OUTPUTS)
         self._bit = 1 << pin.pin
-        self._before, self._changed = 0, -math.inf
+        self._changed = -math.inf
 
     def look(self, now: float) -> None:
-        """See the output."""
-        level = self._controller.outputs[self._register] & self._bit
-        if level != self._before:
-            self._before, self._changed = level, now
+        """See whether the output has changed since; it may have done so twice."""
+        if self._controller.toggled.pop(self._register, 0) & self._bit:
+            self._changed = now
 
     def feeds(self, now: float) -> bool:
         """Whether it feeds the coils, so that the brakes are open."""

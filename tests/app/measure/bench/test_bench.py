@@ -125,12 +125,15 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
         UnknownBench,
-        match=r"^there is no bench .speed., choose from: law, loop, .*, recovery, people, .*, clock, pictures$",
+        match=r"^there is no bench .speed., choose from: law, loop, .*, recovery, people, .*, pictures, identify$",
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
-    said = "law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock, pictures"
+    said = (
+        "law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock, pictures, "
+        "identify"
+    )
     assert done.stderr == f"touchmove: there is no bench 'speed', choose from: {said}\n"
     assert set(BENCHES) == {
         "law",
@@ -147,6 +150,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
         "vision",
         "clock",
         "pictures",
+        "identify",
     }
 
 

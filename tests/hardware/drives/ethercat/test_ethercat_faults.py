@@ -56,8 +56,8 @@ STOPPING = 0.100
 class Fault(NamedTuple):
     """One to be planted, and what has to come of it."""
 
-    device: int
-    trouble: DriveTrouble
+    found: tuple[int, DriveTrouble] | None
+    """Device and trouble; None: the bus is lost, which is an exception."""
     words: str
     """In the sentence."""
     plant: tuple[Any, ...]
@@ -81,7 +81,7 @@ class Report(NamedTuple):
 class Outcome(NamedTuple):
     """What came of it."""
 
-    found: tuple[int, DriveTrouble]
+    found: tuple[int, DriveTrouble] | None
     sentence: str
     report: Report
 
@@ -89,70 +89,72 @@ class Outcome(NamedTuple):
 def of_code(kind: str, trouble: DriveTrouble, words: str) -> Callable[[random.Random], Fault]:
     def draw(rng: random.Random) -> Fault:
         number = rng.randint(1, 4)
-        return Fault(number, trouble, words, ("device", kind, number, 0.0))
+        return Fault((number, trouble), words, ("device", kind, number, 0.0))
 
     return draw
 
 
 def lost(rng: random.Random) -> Fault:
     """Every fourth frame: it is a fault once more than a tenth of 500 are gone."""
-    return Fault(0, DriveTrouble.FRAMES_LOST, "frames did not come back", ("lose", rng.uniform(0.2, 0.3), None),
+    return Fault((0, DriveTrouble.FRAMES_LOST), "frames did not come back", ("lose", rng.uniform(0.2, 0.3), None),
                  ("lose", 0.0, None), within=0.6)  # fmt: skip
 
 
 def damaged(rng: random.Random) -> Fault:
     place = rng.randint(0, 3)
-    return Fault(place + 1, DriveTrouble.FRAMES_LOST, f"device {place + 1} on the cable has counted",
+    return Fault((place + 1, DriveTrouble.FRAMES_LOST), f"device {place + 1} on the cable has counted",
                  ("lose", rng.uniform(0.2, 0.3), place), ("lose", 0.0, None), within=0.6)  # fmt: skip
 
 
 def burst(rng: random.Random) -> Fault:
     """No frame for longer than the watchdog."""
-    return Fault(0, DriveTrouble.WATCHDOG_BIT, "no EtherCAT frame", ("burst", rng.uniform(0.1, 0.2)))
+    return Fault(None, "no EtherCAT frame", ("burst", rng.uniform(0.1, 0.2)))
 
 
 def dropped(rng: random.Random) -> Fault:
     device = rng.choice([*ARMS, "gripper", "forces"])
     number = [*ARMS, "gripper", "forces"].index(device) + 1
-    return Fault(number, DriveTrouble.NOT_OPERATIONAL, "SAFE-OP, synchronisation error", ("drop", device))
+    return Fault((number, DriveTrouble.NOT_OPERATIONAL), "SAFE-OP, synchronisation error", ("drop", device),
+                 within=0.3 if device == "forces" else Fault._field_defaults["within"])  # fmt: skip
 
 
 def jumped(rng: random.Random) -> Fault:
     number, angle = rng.randint(1, 3), rng.choice((-1, 1)) * rng.uniform(0.02, 0.5)
-    return Fault(number, DriveTrouble.ENCODER_JUMPED, "is possible", ("jump", number, angle), ("jump", number, 0.0))
+    return Fault((number, DriveTrouble.ENCODER_JUMPED), "is possible", ("jump", number, angle), ("jump", number, 0.0))
 
 
 def unfollowed(rng: random.Random) -> Fault:
     """It is seen where torque is asked for: an arm that swings asks for little twice in a second."""
     number = rng.randint(1, 3)
-    return Fault(number, DriveTrouble.TORQUE_NOT_FOLLOWED, "it says", ("device", "not-followed", number, 0.0),
+    return Fault((number, DriveTrouble.TORQUE_NOT_FOLLOWED), "it says", ("device", "not-followed", number, 0.0),
                  ("mended", "not-followed", number), within=0.6)  # fmt: skip
 
 
 def undying(rng: random.Random) -> Fault:
     number = rng.randint(1, 3)
-    return Fault(number, DriveTrouble.WATCHDOG_DEAD, "ms without a frame", ("device", "watchdog-dead", number, 0.0),
+    return Fault((number, DriveTrouble.WATCHDOG_DEAD), "ms without a frame", ("device", "watchdog-dead", number, 0.0),
                  ("mended", "watchdog-dead", number), silence=rng.uniform(0.1, 0.2))  # fmt: skip
 
 
 def unplugged(rng: random.Random) -> Fault:
-    return Fault(0, DriveTrouble.WATCHDOG_BIT, "no EtherCAT frame", ("link", False), ("link", True))
+    return Fault(None, "no EtherCAT frame", ("link", False), ("link", True))
 
 
 def cut(rng: random.Random) -> Fault:
     """Between two devices: whoever stands behind does not answer."""
-    place = rng.randint(1, 3)
-    return Fault(place + 1, DriveTrouble.NO_REPLY, f"device {place + 1} on the cable", ("cut", place),
+    place = rng.randint(1, 5)
+    number = (1, 2, 3, 4, 0, 5)[place]  # a coupler is none of the robot's devices, so the bus is named
+    return Fault((number, DriveTrouble.NO_REPLY), f"device {place + 1} on the cable", ("cut", place),
                  ("cut", len(CABLE.chain)))  # fmt: skip
 
 
 def miscounted(rng: random.Random) -> Fault:
     device, more = rng.choice([*ARMS, "gripper", "forces"]), rng.choice((-1, 1))
-    return Fault(0, DriveTrouble.WRONG_REPLY, "working counter", ("bias", device, more), ("bias", device, 0))
+    return Fault((0, DriveTrouble.WRONG_REPLY), "working counter", ("bias", device, more), ("bias", device, 0))
 
 
 def late(rng: random.Random) -> Fault:
-    return Fault(0, DriveTrouble.WATCHDOG_BIT, "limit 44 ms", ("nothing",), silence=rng.uniform(0.08, 0.3))
+    return Fault((0, DriveTrouble.WATCHDOG_BIT), "limit 44 ms", ("nothing",), silence=rng.uniform(0.08, 0.3))
 
 
 FAULTS: dict[str, Callable[[random.Random], Fault]] = {
@@ -221,7 +223,7 @@ class Bench:
         before = len(self.told)
         timer = threading.Timer(moment, self.control.send, [("begin", *fault.plant)])
         timer.start()
-        due, lost_bus, found = time.monotonic() + moment, "", (0, DriveTrouble.UNSPECIFIED)
+        due, lost_bus = time.monotonic() + moment, ""
         until = due + 2.0
         while time.monotonic() < until:
             if fault.silence and time.monotonic() > due + SLACK:
@@ -253,7 +255,7 @@ class Bench:
                 with contextlib.suppress(BusLost):
                     self.bus.exchange(POWERED)
         if lost_bus:
-            return Outcome((0, DriveTrouble.WATCHDOG_BIT), lost_bus, report)
+            return Outcome(None, lost_bus, report)
         assert len(self.told) > before
         return Outcome(found, self.told[before], report)
 
@@ -305,8 +307,9 @@ def test_a_fault_in_motion_brakes_and_is_told_and_ends(bench: Bench, name: str) 
         found, sentence, report = bench.suffer(fault, rng.uniform(0.0, 1.0))
         assert report.speed > 0.0
         braked.append(report.braked - report.planted)
+        assert braked[-1] < fault.within, f"{fault}: {braked[-1]} s"
         stopped.append(report.rested - report.braked)
-        if found != (fault.device, fault.trouble) or fault.words not in sentence:
+        if found != fault.found or fault.words not in sentence:
             wrong.append((fault, found, sentence))
         assert report.braked, f"{fault}: the brakes are open: {sentence}"
         assert report.rested, f"{fault}: the arm moves: {sentence}"
@@ -317,5 +320,4 @@ def test_a_fault_in_motion_brakes_and_is_told_and_ends(bench: Bench, name: str) 
         f"(worst), at rest {max(stopped) * 1e3:.0f} ms later (worst), {len(wrong)} named wrongly"
     )
     assert not wrong, wrong
-    assert max(braked) < fault.within
     assert max(stopped) < STOPPING
