@@ -26,6 +26,7 @@ ROOM: Final = 0.05
 SLIP: Final = 5e-4
 """Of a closed brake [rad]: a hundred times what its spring gives in simulation."""
 _SWITCHING: Final = 0.02  # amplifiers are on before brakes open, and brakes are closed before a torque changes [s]
+_SWITCHED: Final = 1.0  # they are on within this [s]
 _RAMP: Final = 0.1  # to the full torque on a closed brake [s]
 _RESTING: Final = 0.05  # the arm rests when it has turned by less than a noise for so long [s]
 _STILL: Final = 1e-4  # [rad]
@@ -81,7 +82,7 @@ class WatchedBus:
                 f"in one opening, and {TOTAL_WAY:g} rad are allowed: the brakes are too slow, see to their supply"
             )
         try:
-            self._for(_SWITCHING, asked, brake=True)
+            self._switch_on(asked)
             rows = [self._said]
             start = self.angle
             ticks = round(longest / self._bus.period)
@@ -105,6 +106,7 @@ class WatchedBus:
         """
         start, ticks, turned = self.angle, round(_RAMP / self._bus.period), 0.0
         try:
+            self._switch_on(_ZERO)
             for tick in range(1, ticks + 1):
                 asked = [0.0, 0.0, 0.0]
                 asked[axis] = torque * tick / ticks
@@ -134,10 +136,15 @@ class WatchedBus:
                 )
         self._watch()
 
-    def _for(self, duration: float, torque: Triple, *, brake: bool) -> None:
+    def _switch_on(self, torque: Triple) -> None:
+        """Amplifiers on, at their torque, brakes closed."""
         first = self._said.tick
-        while self._said.tick - first < duration / self._bus.period:
-            self._exchange(torque, brake=brake)
+        while self._said.tick - first < _SWITCHING / self._bus.period or not self._said.status & DriveStatus.ENABLED:
+            self._exchange(torque, brake=True)
+            if self._said.tick - first > _SWITCHED / self._bus.period:
+                raise BringUpStopped(
+                    f"the amplifiers do not switch on within {_SWITCHED:g} s: see to their enable line"
+                )
 
     def _exchange(self, torque: Triple, *, brake: bool, enable: bool = True, watch: bool = True) -> Measurement:
         self._said = self._bus.exchange(_command(torque, brake=brake, enable=enable))

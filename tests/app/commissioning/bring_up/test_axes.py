@@ -174,6 +174,19 @@ def test_drives_that_trip_meanwhile_end_the_step_on_the_brakes(wall: Wall) -> No
     assert opened == 3
 
 
+def test_amplifiers_that_do_not_switch_on_end_the_step_with_closed_brakes(wall: Wall) -> None:
+    bus = FaultyBus(wall, Fault(), None)
+    exchange = bus.exchange
+
+    def off(command):  # type: ignore[no-untyped-def]
+        said = exchange(command)
+        return said._replace(status=said.status & ~DriveStatus.ENABLED)
+
+    bus.exchange = off  # type: ignore[method-assign]
+    assert "do not switch on" in wrong(axes(bus))[0].found
+    assert all(command.brake for command in bus.commands)
+
+
 def test_an_interrupt_leaves_the_arm_on_its_brakes(wall: Wall) -> None:
     bus = FaultyBus(wall, Fault(), None)
     watched = WatchedBus(bus)
