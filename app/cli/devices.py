@@ -142,21 +142,21 @@ def commission(
 ) -> None:
     """Bring an arm up, step by step, from the first switch-on to its first game. Keep hands away."""
     from app.commissioning.bring_up.commission import run_commission
-    from app.commissioning.bring_up.person import Answers, Person, load_answers, parse_triple
-    from app.commissioning.bring_up.steps import Step
+    from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
+    from app.commissioning.bring_up.steps import CommissionStep
 
-    if start is not None and start not in list(Step):
-        fail(f"'--from {start}' is no step, choose from: {', '.join(Step)}")
+    if start is not None and start not in list(CommissionStep):
+        fail(f"'--from {start}' is no step, choose from: {', '.join(CommissionStep)}")
 
     def bring_up() -> CommissionReport:
-        given = Answers() if answers is None else load_answers(answers)
+        given = GivenAnswers() if answers is None else load_answers(answers)
         if measured_tool is not None:
             point = parse_triple(measured_tool)
             if point is None:
                 fail(f"'--measured-tool {measured_tool}' is no point: give x,y,height [mm], such as 0,-75,145")
             given = given.model_copy(update={"measured_tool": point})
-        person = Person(given, None if yes else ask)
-        first = None if start is None else Step(start)
+        person = Commissioner(given, None if yes else ask)
+        first = None if start is None else CommissionStep(start)
         return run_commission(rig, person, say, start=first, status=status, game=game)
 
     show_report(bring_up, as_json)

@@ -32,6 +32,8 @@ TACTILE_OFFSET: Final = 0.5
 TACTILE_NOISE: Final = 0.2
 """Of a finger that holds nothing [N]."""
 SILENCE: Final = 5.0  # how long nothing is said to try the drives' watchdog, in its own times
+_SWITCHING: Final = 0.5  # amplifiers go on or off within this [s]
+_LEAST_EXCHANGES: Final = 20  # and are listened to for so many exchanges
 _HALVINGS: Final = 4  # of twice its time, until it is known when it bites
 BELOW_BOARD: Final = 0.02  # the tool cannot be deeper than so far below the playing surface [m]
 
@@ -171,8 +173,7 @@ def _judge_watchdog(drives: Judge, bus: ServoBus, parameters: RobotParameters) -
     if bus.lockstep:
         drives.left_out("watchdog", "plant time waits for its controller here (pace fast)")
         return
-    for _ in range(20):
-        powered = bus.exchange(_POWERED)
+    powered = _switch(bus, _POWERED, on=True)
     if not powered.status & DriveStatus.ENABLED:
         bus.exchange(_REST)
         drives.wrong("watchdog", "the amplifiers do not switch on", "see to their enable line and emergency stop")
@@ -193,10 +194,18 @@ def _judge_watchdog(drives: Judge, bus: ServoBus, parameters: RobotParameters) -
     _judge_disable(drives, bus)
 
 
+def _switch(bus: ServoBus, command: Command, *, on: bool) -> Measurement:
+    """Ask for amplifiers on or off until they are, or have had time enough; the last measurement."""
+    for exchange in range(round(_SWITCHING / bus.period)):
+        said = bus.exchange(command)
+        if exchange >= _LEAST_EXCHANGES and bool(said.status & DriveStatus.ENABLED) is on:
+            break
+    return said
+
+
 def _bites(bus: ServoBus, silence: float) -> bool:
     """Whether amplifiers that are on, brakes closed, switch off after so long a silence [s]; they are off then."""
-    for _ in range(20):
-        bus.exchange(_POWERED)
+    _switch(bus, _POWERED, on=True)
     time.sleep(silence)
     after = bus.exchange(_POWERED)
     bus.exchange(_REST)
@@ -216,10 +225,8 @@ def _bite_time(bus: ServoBus, longest: float) -> tuple[float, float]:
 
 def _judge_disable(drives: Judge, bus: ServoBus) -> None:
     """What STOP ends with: amplifiers off, brakes on."""
-    for _ in range(20):
-        bus.exchange(_POWERED)
-    for _ in range(5):
-        off = bus.exchange(_REST)
+    _switch(bus, _POWERED, on=True)
+    off = _switch(bus, _REST, on=False)
     drives.judge(
         "switching off", (off.status.name or "OK").replace("|", ", ").lower(),
         bool(off.status & DriveStatus.BRAKED) and not off.status & DriveStatus.ENABLED,

@@ -29,8 +29,8 @@ from app.commissioning.bring_up.openings import (
     ROOM,
     SLIP,
     TOTAL_WAY,
+    BrakeOpening,
     BringUpStopped,
-    Opening,
     WatchedBus,
     accelerations,
 )
@@ -144,7 +144,7 @@ def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) 
     return found
 
 
-def _velocity_error(opening: Opening) -> FloatArray:
+def _velocity_error(opening: BrakeOpening) -> FloatArray:
     """How much the drives' velocities differ from the change of their angles in the last third, as a share of it."""
     late = len(opening.time) // 3 + 1
     changed = (opening.angle[-1] - opening.angle[-late]) / (opening.time[-1] - opening.time[-late])

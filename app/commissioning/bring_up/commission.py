@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app import UserError
-from app.commissioning.bring_up.person import Person
-from app.commissioning.bring_up.runs import GAME_PLIES, RUNS, WHAT, Progress, Site, require_free
+from app.commissioning.bring_up.person import Commissioner
+from app.commissioning.bring_up.runs import GAME_PLIES, RUNS, WHAT, CommissionSite, Progress, require_free
 from app.commissioning.bring_up.steps import (
     FILE,
     Commissioning,
     CommissionReport,
-    Step,
+    CommissionStep,
     StepLine,
     StepRecord,
     StepState,
@@ -29,10 +29,10 @@ from app.settings.tree import BOARD, SIMULATED
 
 def run_commission(
     name: str,
-    person: Person,
+    person: Commissioner,
     progress: Progress,
     *,
-    start: Step | None = None,
+    start: CommissionStep | None = None,
     status: bool = False,
     game: bool = False,
 ) -> CommissionReport:
@@ -59,27 +59,27 @@ def run_commission(
         return _report(name, done, states, ())
     if start is not None:
         first = next_step(states)
-        if first is not None and list(Step).index(first) < list(Step).index(start):
+        if first is not None and list(CommissionStep).index(first) < list(CommissionStep).index(start):
             raise UserError(f"step {start} is refused: step {first} comes before it, and is {states[first].value}")
         done = done.without(start)
     return _go_on(site, path, done, game)
 
 
-def _site(name: str, person: Person, progress: Progress) -> Site:
+def _site(name: str, person: Commissioner, progress: Progress) -> CommissionSite:
     rig = load_rig(Path(name))
-    return Site(name, rig, rig.robot(), person, progress)
+    return CommissionSite(name, rig, rig.robot(), person, progress)
 
 
-def _go_on(site: Site, path: Path, done: Commissioning, game: bool) -> CommissionReport:
+def _go_on(site: CommissionSite, path: Path, done: Commissioning, game: bool) -> CommissionReport:
     findings: tuple[Finding, ...] = ()
     while True:
         site = _site(site.name, site.person, site.progress)  # a step may have named another parameters file
         states = states_of(done, site.rig, site.parameters)
         step = next_step(states)
-        if step is None or (step is Step.GAME and not game):
+        if step is None or (step is CommissionStep.GAME and not game):
             return _report(site.name, done, states, findings)
-        number = list(Step).index(step) + 1
-        site.progress(f"step {number} of {len(Step)}, {step}: {WHAT[step]}")
+        number = list(CommissionStep).index(step) + 1
+        site.progress(f"step {number} of {len(CommissionStep)}, {step}: {WHAT[step]}")
         if not site.person.agrees("go on?"):
             return _report(site.name, done, states, findings)
         require_free(site)
@@ -94,7 +94,7 @@ def _go_on(site: Site, path: Path, done: Commissioning, game: bool) -> Commissio
 
 
 def _report(
-    name: str, done: Commissioning, states: dict[Step, StepState], findings: tuple[Finding, ...]
+    name: str, done: Commissioning, states: dict[CommissionStep, StepState], findings: tuple[Finding, ...]
 ) -> CommissionReport:
     lines = []
     for step, state in states.items():
@@ -105,7 +105,7 @@ def _report(
         sentence = "every step held"
     elif states[waiting] is StepState.FAILED:
         sentence = f"step {waiting} failed: put right what it says, then say 'touchmove commission --rig {name}' again"
-    elif waiting is Step.GAME:
+    elif waiting is CommissionStep.GAME:
         sentence = f"set the pieces up for {GAME_PLIES} plies, and say 'touchmove commission --rig {name} --game'"
     else:
         sentence = f"next is step {waiting}: 'touchmove commission --rig {name}'"

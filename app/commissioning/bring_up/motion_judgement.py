@@ -38,7 +38,7 @@ _MOVING: Final = 0.02  # reference faster than this [m/s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class HeldPose:
     """An arm at rest at a point."""
 
     error: float
@@ -49,7 +49,9 @@ class Held:
     """The same by the model, (3,) [N m]."""
 
     @classmethod
-    def at(cls, model: DeltaModel, point: FloatArray, there: FloatArray, angle: FloatArray, torque: FloatArray) -> Held:
+    def at(
+        cls, model: DeltaModel, point: FloatArray, there: FloatArray, angle: FloatArray, torque: FloatArray
+    ) -> HeldPose:
         """At a point, with the tool there, base frame (3,) [m], servomotors at an angle, (3,) [rad]."""
         expected = Expected.at(model, angle)
         assert expected is not None  # the controller holds the arm there
@@ -81,7 +83,7 @@ def followed_of(rows: NDArray[Any], first: int, last: int) -> Followed:
     )  # fmt: skip
 
 
-def judge_workspace(held: Sequence[Held], parameters: RobotParameters) -> list[Finding]:
+def judge_workspace(held: Sequence[HeldPose], parameters: RobotParameters) -> list[Finding]:
     """Home first, then the edges."""
     judge = Judge("arm")
     for what, part in (("home", held[:1]), ("edges", held[1:])):
@@ -99,7 +101,7 @@ def judge_workspace(held: Sequence[Held], parameters: RobotParameters) -> list[F
     return judge.findings
 
 
-def judge_gravity(held: Sequence[Held], parameters: RobotParameters, *, identified: bool) -> list[Finding]:
+def judge_gravity(held: Sequence[HeldPose], parameters: RobotParameters, *, identified: bool) -> list[Finding]:
     """The residual torques of each axis over all poses; ``identified``: the parameters were measured on this arm."""
     residual = np.array([one.torque - one.gravity for one in held])
     largest = max(float(np.abs(one.gravity).max()) for one in held)

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.commissioning.bring_up.motion_judgement import Followed, Held, followed_of
+from app.commissioning.bring_up.motion_judgement import Followed, HeldPose, followed_of
 from app.commissioning.identification.recording import NoRecord
 from app.commissioning.identification.survey import borders_of, fetch_record
 from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile
@@ -41,7 +41,7 @@ _ABOVE: Final = 0.030  # the touch begins so high above the board [m]
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class MovingArm:
     """An arm that holds behind its controller, over its table."""
 
     rig: Rig
@@ -88,7 +88,7 @@ def grid_points(parameters: RobotParameters, table: TableSettings) -> Vector:
     return np.array([*inner, *([[*middle[:2], depth] for depth in np.unique(edges[:, 2])])])
 
 
-def visit(stage: Stage, points: Vector) -> Iterator[Held]:
+def visit(stage: MovingArm, points: Vector) -> Iterator[HeldPose]:
     """Go to each point at creep speed, and hold there; home in the end.
 
     Raises:
@@ -105,11 +105,11 @@ def visit(stage: Stage, points: Vector) -> Iterator[Held]:
             torque.append(telemetry.torque)
             position.append(telemetry.position)
         there = np.mean(position, axis=0)
-        yield Held.at(model, point, there, posture_at(model, there).y, np.mean(torque, axis=0))
+        yield HeldPose.at(model, point, there, posture_at(model, there).y, np.mean(torque, axis=0))
     stage.go(CREEP, stage.home, "home")
 
 
-def follow(stage: Stage, run_dir: Path) -> Followed:
+def follow(stage: MovingArm, run_dir: Path) -> Followed:
     """Across the board and back as a game does; what the controller recorded of it.
 
     Raises:
@@ -125,7 +125,7 @@ def follow(stage: Stage, run_dir: Path) -> Followed:
     return followed_of(_record(stage, run_dir), first, stage.rig.arm.last_motion)
 
 
-def touch(stage: Stage, run_dir: Path) -> tuple[float, float]:
+def touch(stage: MovingArm, run_dir: Path) -> tuple[float, float]:
     """Touch the board's middle with the pads, as a piece is set down: how much higher it is than believed [m], and the
     largest force on the tool meanwhile [N].
 
@@ -151,7 +151,7 @@ def touch(stage: Stage, run_dir: Path) -> tuple[float, float]:
     return height, float(np.abs(force - force[0]).max())
 
 
-def _record(stage: Stage, run_dir: Path) -> NDArray[Any]:
+def _record(stage: MovingArm, run_dir: Path) -> NDArray[Any]:
     path = fetch_record(stage.client, run_dir)
     try:
         return load_flight(path).ticks

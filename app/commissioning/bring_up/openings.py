@@ -26,6 +26,7 @@ ROOM: Final = 0.05
 SLIP: Final = 5e-4
 """Of a closed brake [rad]: a hundred times what its spring gives in simulation."""
 _SWITCHING: Final = 0.02  # amplifiers are on before brakes open, and brakes are closed before a torque changes [s]
+_SWITCHED: Final = 1.0  # they are on within this [s]
 _RAMP: Final = 0.1  # to the full torque on a closed brake [s]
 _RESTING: Final = 0.05  # the arm rests when it has turned by less than a noise for so long [s]
 _STILL: Final = 1e-4  # [rad]
@@ -39,7 +40,7 @@ class BringUpStopped(HardwareError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Opening:
+class BrakeOpening:
     """What one opening of the brakes showed."""
 
     torque: FloatArray
@@ -67,7 +68,7 @@ class WatchedBus:
         """Of the servomotors at the last tick, (3,) [rad]."""
         return np.array(self._said.angle)
 
-    def open_briefly(self, torque: FloatArray, way: float = OPENING_WAY, longest: float = OPENING_TIME) -> Opening:
+    def open_briefly(self, torque: FloatArray, way: float = OPENING_WAY, longest: float = OPENING_TIME) -> BrakeOpening:
         """Open the brakes under a torque, (3,) [N m], until a servomotor has turned so far [rad], or for so long [s].
 
         Raises:
@@ -81,7 +82,7 @@ class WatchedBus:
                 f"in one opening, and {TOTAL_WAY:g} rad are allowed: the brakes are too slow, see to their supply"
             )
         try:
-            self._for(_SWITCHING, asked, brake=True)
+            self._switch_on(asked)
             rows = [self._said]
             start = self.angle
             ticks = round(longest / self._bus.period)
@@ -93,7 +94,7 @@ class WatchedBus:
         finally:
             self.rest()
             self._widest = max(self._widest, self.farthest - before)
-        return Opening(
+        return BrakeOpening(
             np.array(asked), (np.array([row.tick for row in rows], float) - rows[0].tick) * self._bus.period,
             np.array([row.angle for row in rows]), np.array([row.velocity for row in rows]),
         )  # fmt: skip
@@ -105,6 +106,7 @@ class WatchedBus:
         """
         start, ticks, turned = self.angle, round(_RAMP / self._bus.period), 0.0
         try:
+            self._switch_on(_ZERO)
             for tick in range(1, ticks + 1):
                 asked = [0.0, 0.0, 0.0]
                 asked[axis] = torque * tick / ticks
@@ -134,10 +136,15 @@ class WatchedBus:
                 )
         self._watch()
 
-    def _for(self, duration: float, torque: Triple, *, brake: bool) -> None:
+    def _switch_on(self, torque: Triple) -> None:
+        """Amplifiers on, at their torque, brakes closed."""
         first = self._said.tick
-        while self._said.tick - first < duration / self._bus.period:
-            self._exchange(torque, brake=brake)
+        while self._said.tick - first < _SWITCHING / self._bus.period or not self._said.status & DriveStatus.ENABLED:
+            self._exchange(torque, brake=True)
+            if self._said.tick - first > _SWITCHED / self._bus.period:
+                raise BringUpStopped(
+                    f"the amplifiers do not switch on within {_SWITCHED:g} s: see to their enable line"
+                )
 
     def _exchange(self, torque: Triple, *, brake: bool, enable: bool = True, watch: bool = True) -> Measurement:
         self._said = self._bus.exchange(_command(torque, brake=brake, enable=enable))
@@ -166,7 +173,7 @@ def _triple(values: FloatArray) -> Triple:
     return a, b, c
 
 
-def accelerations(opening: Opening) -> FloatArray:
+def accelerations(opening: BrakeOpening) -> FloatArray:
     """Of the three servomotors from the moment at which the brakes really opened, (3,) [rad/s²].
 
     Least squares on ``q = q0 + a (t - t0)²/2`` with one t0 for all, half a tick fine; so the brakes' own delay does not

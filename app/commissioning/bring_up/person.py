@@ -18,8 +18,8 @@ Read = Callable[[str], str]
 """Shows a prompt, and returns the line that is typed."""
 
 
-class Answers(FrozenFinite):
-    """Answers given beforehand: a TOML file of ``--answers``, and options."""
+class GivenAnswers(FrozenFinite):
+    """What was answered beforehand: a TOML file of ``--answers``, and options."""
 
     measured_tool: tuple[float, float, float] | None = None
     """Where the tool was measured on the brakes, after step ``axes`` has moved it: x along the files a to h, y along
@@ -28,15 +28,15 @@ class Answers(FrozenFinite):
     """Of the servomotors, for step ``identify``; 0: their ripple is not looked for."""
 
 
-def load_answers(path: Path) -> Answers:
+def load_answers(path: Path) -> GivenAnswers:
     """Read a file of answers; raises ``ConfigError`` if something in it is wrong."""
-    return load_toml(path, Answers, "answers", "give a TOML file, such as: measured_tool = [0.0, -75.0, 145.0]")
+    return load_toml(path, GivenAnswers, "answers", "give a TOML file, such as: measured_tool = [0.0, -75.0, 145.0]")
 
 
-class Person:
+class Commissioner:
     """Somebody who is asked, unless the answer was given beforehand."""
 
-    def __init__(self, answers: Answers, read: Read | None) -> None:
+    def __init__(self, answers: GivenAnswers, read: Read | None) -> None:
         """``read`` None: nobody sits there; all that is asked is answered with yes."""
         self.answers = answers
         self._read = read

@@ -13,10 +13,10 @@ from app import UserError
 from app.commissioning.bring_up.axes import try_axes
 from app.commissioning.bring_up.controlled import arm_of, controller_of
 from app.commissioning.bring_up.motion_judgement import judge_gravity, judge_tracking, judge_workspace
-from app.commissioning.bring_up.motions import Stage, edge_points, follow, grid_points, touch, visit
+from app.commissioning.bring_up.motions import MovingArm, edge_points, follow, grid_points, touch, visit
 from app.commissioning.bring_up.naming import name_parameters
-from app.commissioning.bring_up.person import Person
-from app.commissioning.bring_up.steps import Step
+from app.commissioning.bring_up.person import Commissioner
+from app.commissioning.bring_up.steps import CommissionStep
 from app.commissioning.calibrate import run_calibrate
 from app.commissioning.check_drives import check_bus
 from app.commissioning.check_report import Finding, Judge
@@ -35,29 +35,29 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class CommissionSite:
     """The arm that is brought up, and who stands beside it."""
 
     name: str
     """Of the rig file."""
     rig: RigFile
     parameters: RobotParameters
-    person: Person
+    person: Commissioner
     progress: Progress
 
 
-WHAT: Final[dict[Step, str]] = {
-    Step.DEVICES: "drives, gripper and fingers; the brakes stay closed",
-    Step.AXES: "each axis alone; the brakes open for milliseconds, and the tool drops by some millimetres: hands off, "
-    "and nothing below the tool",
-    Step.WORKSPACE: "home and the edges of the workspace at 0.1 m/s, above all pieces: keep hands away, one at the "
-    "emergency stop",
-    Step.GRAVITY: "the arm holds still in poses all over the workspace, at 0.1 m/s from one to the next",
-    Step.IDENTIFY: "the arm swings over the board for 24 s, quickly: keep hands away",
-    Step.TRACKING: "across the board as in a game, then the pads touch the middle of the board: leave d4, d5, e4 "
-    "and e5 empty",
-    Step.CALIBRATE: "the arm shows its marker to the camera all over the board",
-    Step.GAME: f"{GAME_PLIES} plies of a game in profile gentle; set the pieces up",
+WHAT: Final = {
+    CommissionStep.DEVICES: "drives, gripper and fingers; the brakes stay closed",
+    CommissionStep.AXES: "each axis alone; the brakes open for milliseconds, and the tool drops by some millimetres: "
+    "hands off, and nothing below the tool",
+    CommissionStep.WORKSPACE: "home and the edges of the workspace at 0.1 m/s, above all pieces: keep hands away, one "
+    "at the emergency stop",
+    CommissionStep.GRAVITY: "the arm holds still in poses all over the workspace, at 0.1 m/s from one to the next",
+    CommissionStep.IDENTIFY: "the arm swings over the board for 24 s, quickly: keep hands away",
+    CommissionStep.TRACKING: "across the board as in a game, then the pads touch the middle of the board: leave d4, "
+    "d5, e4 and e5 empty",
+    CommissionStep.CALIBRATE: "the arm shows its marker to the camera all over the board",
+    CommissionStep.GAME: f"{GAME_PLIES} plies of a game in profile gentle; set the pieces up",
 }
 """What is done, told before."""
 
@@ -65,7 +65,7 @@ WHAT: Final[dict[Step, str]] = {
 # steps on the bare drives
 
 
-def _on_drives(site: Site, try_it: Callable[[ServoBus], list[Finding]]) -> list[Finding]:
+def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]) -> list[Finding]:
     """Open the drives for a step, and leave them on their brakes."""
     try:
         with drives_of(site.rig, site.progress) as drives:
@@ -80,7 +80,7 @@ def _on_drives(site: Site, try_it: Callable[[ServoBus], list[Finding]]) -> list[
         return judge.findings
 
 
-def require_free(site: Site) -> None:
+def require_free(site: CommissionSite) -> None:
     """Raises ``UserError`` if a controller has the drives."""
     if not site.rig.controller.key.exists():
         return
@@ -93,11 +93,11 @@ def require_free(site: Site) -> None:
     )
 
 
-def _devices(site: Site) -> list[Finding]:
+def _devices(site: CommissionSite) -> list[Finding]:
     return _on_drives(site, lambda bus: check_bus(bus, site.parameters, site.rig.table))
 
 
-def _axes(site: Site) -> list[Finding]:
+def _axes(site: CommissionSite) -> list[Finding]:
     ask = site.person.tool
     return _on_drives(site, lambda bus: try_axes(bus, site.parameters, site.rig.table, ask, site.progress))
 
@@ -105,11 +105,11 @@ def _axes(site: Site) -> list[Finding]:
 # steps behind the controller
 
 
-def _moving(site: Site, move: Callable[[Stage], list[Finding]]) -> list[Finding]:
+def _moving(site: CommissionSite, move: Callable[[MovingArm], list[Finding]]) -> list[Finding]:
     """Do a step behind the rig's own controller; what stopped it is its finding."""
     try:
         with arm_of(site.name, site.rig, site.progress) as (devices, client):
-            return move(Stage(devices, client, site.parameters, site.rig.table))
+            return move(MovingArm(devices, client, site.parameters, site.rig.table))
     except UserError as error:
         return _stopped(error)
 
@@ -120,12 +120,12 @@ def _stopped(error: UserError) -> list[Finding]:
     return judge.findings
 
 
-def _workspace(site: Site) -> list[Finding]:
+def _workspace(site: CommissionSite) -> list[Finding]:
     points = edge_points(site.parameters, site.rig.table)
     return _moving(site, lambda stage: judge_workspace(list(visit(stage, points)), site.parameters))
 
 
-def _gravity(site: Site) -> list[Finding]:
+def _gravity(site: CommissionSite) -> list[Finding]:
     points = grid_points(site.parameters, site.rig.table)
     identified = site.rig.parameters == _identified_file(site)
     return _moving(
@@ -133,11 +133,11 @@ def _gravity(site: Site) -> list[Finding]:
     )
 
 
-def _identified_file(site: Site) -> Path:
+def _identified_file(site: CommissionSite) -> Path:
     return Path(site.name).absolute().parent / IDENTIFIED_FILE
 
 
-def _identify(site: Site) -> list[Finding]:
+def _identify(site: CommissionSite) -> list[Finding]:
     """Find what the robot weighs, and name the file in the rig file if the person agrees."""
     try:
         with controller_of(site.name, site.rig, site.progress):
@@ -156,8 +156,8 @@ def _identify(site: Site) -> list[Finding]:
     return judge.findings
 
 
-def _tracking(site: Site) -> list[Finding]:
-    def move(stage: Stage) -> list[Finding]:
+def _tracking(site: CommissionSite) -> list[Finding]:
+    def move(stage: MovingArm) -> list[Finding]:
         followed = follow(stage, site.rig.run_dir)
         height, force = touch(stage, site.rig.run_dir)
         return judge_tracking(followed, height, force)
@@ -165,7 +165,7 @@ def _tracking(site: Site) -> list[Finding]:
     return _moving(site, move)
 
 
-def _calibrate(site: Site) -> list[Finding]:
+def _calibrate(site: CommissionSite) -> list[Finding]:
     judge = Judge("camera")
     if not site.rig.sees:
         judge.left_out("calibration", "the rig has no camera: games are played blind")
@@ -186,7 +186,7 @@ def _calibrate(site: Site) -> list[Finding]:
     return judge.findings
 
 
-def _game(site: Site) -> list[Finding]:
+def _game(site: CommissionSite) -> list[Finding]:
     """A process of its own, as a person would start it; what it says goes where this program's words go."""
     arguments = ["demo", "--rig", site.name, "--profile", "gentle", "--plies", str(GAME_PLIES), "--headless"]
     try:
@@ -205,8 +205,14 @@ def _game(site: Site) -> list[Finding]:
     return judge.findings
 
 
-RUNS: Final[dict[Step, Callable[[Site], list[Finding]]]] = {
-    Step.DEVICES: _devices, Step.AXES: _axes, Step.WORKSPACE: _workspace, Step.GRAVITY: _gravity,
-    Step.IDENTIFY: _identify, Step.TRACKING: _tracking, Step.CALIBRATE: _calibrate, Step.GAME: _game,
-}  # fmt: skip
+RUNS: Final[dict[CommissionStep, Callable[[CommissionSite], list[Finding]]]] = {
+    CommissionStep.DEVICES: _devices,
+    CommissionStep.AXES: _axes,
+    CommissionStep.WORKSPACE: _workspace,
+    CommissionStep.GRAVITY: _gravity,
+    CommissionStep.IDENTIFY: _identify,
+    CommissionStep.TRACKING: _tracking,
+    CommissionStep.CALIBRATE: _calibrate,
+    CommissionStep.GAME: _game,
+}
 """Each leaves the arm at rest on its brakes; raises ``UserError`` where it cannot begin."""

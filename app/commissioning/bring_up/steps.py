@@ -27,7 +27,7 @@ from hardware.parameters import RobotParameters
 FILE: Final = "commissioning.json"
 
 
-class Step(StrEnum):
+class CommissionStep(StrEnum):
     """One step; members stand in order."""
 
     DEVICES = "devices"
@@ -58,15 +58,15 @@ class StepState(StrEnum):
 
 
 _WIRED: Final = ("drives", "motor")
-DEPENDS: Final[dict[Step, tuple[str, ...]]] = {
-    Step.DEVICES: (*_WIRED, "fingers"),
-    Step.AXES: (*_WIRED, "geometry"),
-    Step.WORKSPACE: (*_WIRED, "geometry", "table"),
-    Step.GRAVITY: (*_WIRED, "geometry", "table", "masses"),
-    Step.IDENTIFY: (*_WIRED, "geometry", "table"),
-    Step.TRACKING: (*_WIRED, "geometry", "table", "masses"),
-    Step.CALIBRATE: (*_WIRED, "geometry", "table", "camera"),
-    Step.GAME: (*_WIRED, "geometry", "table", "masses", "fingers", "camera"),
+DEPENDS: Final[dict[CommissionStep, tuple[str, ...]]] = {
+    CommissionStep.DEVICES: (*_WIRED, "fingers"),
+    CommissionStep.AXES: (*_WIRED, "geometry"),
+    CommissionStep.WORKSPACE: (*_WIRED, "geometry", "table"),
+    CommissionStep.GRAVITY: (*_WIRED, "geometry", "table", "masses"),
+    CommissionStep.IDENTIFY: (*_WIRED, "geometry", "table"),
+    CommissionStep.TRACKING: (*_WIRED, "geometry", "table", "masses"),
+    CommissionStep.CALIBRATE: (*_WIRED, "geometry", "table", "camera"),
+    CommissionStep.GAME: (*_WIRED, "geometry", "table", "masses", "fingers", "camera"),
 }
 """By step: which parts of rig file and parameters file it depends on, see ``_parts``."""
 _NOT_THE_ROBOT: Final = frozenset({
@@ -79,7 +79,7 @@ _NOT_THE_ROBOT: Final = frozenset({
 class StepRecord(Frozen):
     """What came of a step."""
 
-    step: Step
+    step: CommissionStep
     holds: bool
     when: datetime
     fingerprint: str
@@ -92,18 +92,20 @@ class Commissioning(Frozen):
 
     steps: tuple[StepRecord, ...] = ()
 
-    def of(self, step: Step) -> StepRecord | None:
+    def of(self, step: CommissionStep) -> StepRecord | None:
         """The last record of a step."""
         return next((one for one in self.steps if one.step is step), None)
 
     def with_step(self, record: StepRecord) -> Commissioning:
         """With a new record of its step."""
         others = [one for one in self.steps if one.step is not record.step]
-        return Commissioning(steps=tuple(sorted([*others, record], key=lambda one: list(Step).index(one.step))))
+        return Commissioning(
+            steps=tuple(sorted([*others, record], key=lambda one: list(CommissionStep).index(one.step)))
+        )
 
-    def without(self, step: Step) -> Commissioning:
+    def without(self, step: CommissionStep) -> Commissioning:
         """With this step and all after it to be done again."""
-        order = list(Step)
+        order = list(CommissionStep)
         return Commissioning(steps=tuple(one for one in self.steps if order.index(one.step) < order.index(step)))
 
 
@@ -121,17 +123,17 @@ def _parts(rig: RigFile, parameters: RobotParameters) -> dict[str, Any]:
     }
 
 
-def fingerprint_of(step: Step, rig: RigFile, parameters: RobotParameters) -> str:
+def fingerprint_of(step: CommissionStep, rig: RigFile, parameters: RobotParameters) -> str:
     """Twelve digits that change with what a step depends on."""
     parts = _parts(rig, parameters)
     content = json.dumps([parts[name] for name in DEPENDS[step]], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 
-def states_of(done: Commissioning, rig: RigFile, parameters: RobotParameters) -> dict[Step, StepState]:
+def states_of(done: Commissioning, rig: RigFile, parameters: RobotParameters) -> dict[CommissionStep, StepState]:
     """How each step stands."""
     states = {}
-    for step in Step:
+    for step in CommissionStep:
         record = done.of(step)
         if record is None:
             states[step] = StepState.OPEN
@@ -142,7 +144,7 @@ def states_of(done: Commissioning, rig: RigFile, parameters: RobotParameters) ->
     return states
 
 
-def next_step(states: dict[Step, StepState]) -> Step | None:
+def next_step(states: dict[CommissionStep, StepState]) -> CommissionStep | None:
     """The first that does not hold; None: all do."""
     return next((step for step, state in states.items() if state is not StepState.HELD), None)
 
@@ -165,7 +167,7 @@ def save_record(path: Path, done: Commissioning) -> None:
 class StepLine(Frozen):
     """How a step stands, for people and programs."""
 
-    step: Step
+    step: CommissionStep
     state: StepState
     when: datetime | None
 

@@ -10,7 +10,7 @@ import pytest
 
 from app.commissioning.bring_up.axes import try_axes
 from app.commissioning.bring_up.axis_judgement import Expected, coupling_of, judge_torques, judge_zero, torque_gains
-from app.commissioning.bring_up.openings import OPENING_WAY, TOTAL_WAY, Opening, WatchedBus, accelerations
+from app.commissioning.bring_up.openings import OPENING_WAY, TOTAL_WAY, BrakeOpening, WatchedBus, accelerations
 from app.commissioning.check_drives import check_bus
 from app.commissioning.check_report import CheckState, Finding
 from controller.model.constants import DeltaModel
@@ -174,6 +174,19 @@ def test_drives_that_trip_meanwhile_end_the_step_on_the_brakes(wall: Wall) -> No
     assert opened == 3
 
 
+def test_amplifiers_that_do_not_switch_on_end_the_step_with_closed_brakes(wall: Wall) -> None:
+    bus = FaultyBus(wall, Fault(), None)
+    exchange = bus.exchange
+
+    def off(command):  # type: ignore[no-untyped-def]
+        said = exchange(command)
+        return said._replace(status=said.status & ~DriveStatus.ENABLED)
+
+    bus.exchange = off  # type: ignore[method-assign]
+    assert "do not switch on" in wrong(axes(bus))[0].found
+    assert all(command.brake for command in bus.commands)
+
+
 def test_an_interrupt_leaves_the_arm_on_its_brakes(wall: Wall) -> None:
     bus = FaultyBus(wall, Fault(), None)
     watched = WatchedBus(bus)
@@ -195,10 +208,10 @@ def test_an_interrupt_leaves_the_arm_on_its_brakes(wall: Wall) -> None:
 # ------------------------------------------------------------------------------------------------------ pure functions
 
 
-def falling(acceleration: list[float], delay: float) -> Opening:
+def falling(acceleration: list[float], delay: float) -> BrakeOpening:
     time = np.arange(30) * BELIEVED.drive.tick
     angle = 0.3 + 0.5 * np.array(acceleration) * np.maximum(time - delay, 0.0)[:, None] ** 2
-    return Opening(np.zeros(3), time, angle, np.zeros((30, 3)))
+    return BrakeOpening(np.zeros(3), time, angle, np.zeros((30, 3)))
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0066, 0.0132])
@@ -209,7 +222,7 @@ def test_accelerations_do_not_count_the_brakes_own_delay(delay: float) -> None:
 
 def test_an_opening_that_is_too_short_tells_nothing() -> None:
     whole = falling([40.0, 40.0, 40.0], 0.0)
-    short = Opening(whole.torque, whole.time[:5], whole.angle[:5], whole.velocity[:5])
+    short = BrakeOpening(whole.torque, whole.time[:5], whole.angle[:5], whole.velocity[:5])
     assert not accelerations(short).any()
 
 

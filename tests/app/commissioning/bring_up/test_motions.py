@@ -9,7 +9,7 @@ import pytest
 
 from app.commissioning.bring_up.motion_judgement import (
     Followed,
-    Held,
+    HeldPose,
     followed_of,
     judge_gravity,
     judge_tracking,
@@ -31,11 +31,11 @@ def wrong(findings: list[Finding]) -> list[str]:
     return [f"{one.device} {one.what}" for one in findings if one.state is CheckState.WRONG]
 
 
-def held(count: int = 4) -> list[Held]:
+def held(count: int = 4) -> list[HeldPose]:
     model = DeltaModel(ROBOT)
     found = []
     for point in grid_points(ROBOT, TABLE)[:count]:
-        one = Held.at(model, point, point, posture_at(model, point).y, np.zeros(3))
+        one = HeldPose.at(model, point, point, posture_at(model, point).y, np.zeros(3))
         found.append(replace(one, torque=one.gravity))
     return found
 

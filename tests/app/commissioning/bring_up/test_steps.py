@@ -13,12 +13,12 @@ from app import UserError
 from app.commissioning.bring_up import commission
 from app.commissioning.bring_up.commission import run_commission
 from app.commissioning.bring_up.naming import name_parameters, with_parameters
-from app.commissioning.bring_up.person import Answers, Person, load_answers, parse_triple
-from app.commissioning.bring_up.runs import Site
+from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
+from app.commissioning.bring_up.runs import CommissionSite
 from app.commissioning.bring_up.steps import (
     FILE,
     Commissioning,
-    Step,
+    CommissionStep,
     StepRecord,
     StepState,
     fingerprint_of,
@@ -34,7 +34,7 @@ from hardware.parameters import DEFAULT_FILE, RobotParameters, load_parameters
 
 RIG = '[controller]\nport = 47321\n\n[drives]\nbus = "sim"\n'
 ROBOT = load_parameters()
-ORDER = list(Step)
+ORDER = list(CommissionStep)
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def everything(rig: RigFile, parameters: RobotParameters = ROBOT) -> Commissioni
     return done
 
 
-def void(done: Commissioning, rig: RigFile, parameters: RobotParameters = ROBOT) -> set[Step]:
+def void(done: Commissioning, rig: RigFile, parameters: RobotParameters = ROBOT) -> set[CommissionStep]:
     states = states_of(done, rig, parameters)
     assert set(states.values()) <= {StepState.HELD, StepState.VOID}
     return {step for step, state in states.items() if state is StepState.VOID}
@@ -65,13 +65,13 @@ def test_what_has_changed_voids_the_steps_that_depend_on_it(lab: Path) -> None:
     done = everything(rig)
     assert void(done, rig) == set()
     heavier = ROBOT.model_copy(update={"inertia": ROBOT.inertia.model_copy(update={"flange_mass": 0.5})})
-    assert void(done, rig, heavier) == {Step.GRAVITY, Step.TRACKING, Step.GAME}
+    assert void(done, rig, heavier) == {CommissionStep.GRAVITY, CommissionStep.TRACKING, CommissionStep.GAME}
     slower = ROBOT.model_copy(update={"drive": ROBOT.drive.model_copy(update={"watchdog_ticks": 60})})
-    assert void(done, rig, slower) == set(Step)
+    assert void(done, rig, slower) == set(CommissionStep)
     moved = rig.model_copy(update={"table": rig.table.model_copy(update={"centre_in_base": (0.0, 0.0, 0.46)})})
-    assert void(done, moved) == set(Step) - {Step.DEVICES, Step.AXES}
+    assert void(done, moved) == set(CommissionStep) - {CommissionStep.DEVICES, CommissionStep.AXES}
     lab.write_text(RIG + '[world]\nseed = 5\nfen = "8/8/4k3/8/8/4K3/8/8 w - - 0 1"\n')
-    assert void(done, load_rig(lab)) == set(Step)  # another robot
+    assert void(done, load_rig(lab)) == set(CommissionStep)  # another robot
     other = load_rig(lab)
     lab.write_text(RIG + "[world]\nseed = 5\n")
     assert void(everything(other), load_rig(lab)) == set()  # other pieces
@@ -92,11 +92,11 @@ class Bench:
     """Steps that do nothing but say what a test wants of them."""
 
     def __init__(self) -> None:
-        self.fails: set[Step] = set()
-        self.ran: list[Step] = []
+        self.fails: set[CommissionStep] = set()
+        self.ran: list[CommissionStep] = []
 
-    def step(self, step: Step) -> Callable[[Site], list[Finding]]:
-        def run(_site: Site) -> list[Finding]:
+    def step(self, step: CommissionStep) -> Callable[[CommissionSite], list[Finding]]:
+        def run(_site: CommissionSite) -> list[Finding]:
             self.ran.append(step)
             judge = Judge("arm")
             judge.judge("it", "found", step not in self.fails, "mend it")
@@ -108,16 +108,16 @@ class Bench:
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     bench = Bench()
-    monkeypatch.setattr(commission, "RUNS", {step: bench.step(step) for step in Step})
+    monkeypatch.setattr(commission, "RUNS", {step: bench.step(step) for step in CommissionStep})
     return bench
 
 
 def go(lab: Path, read: Callable[[str], str] | None = None, **options: object):  # type: ignore[no-untyped-def]
-    return run_commission(str(lab), Person(Answers(), read), lambda _: None, **options)  # type: ignore[arg-type]
+    return run_commission(str(lab), Commissioner(GivenAnswers(), read), lambda _: None, **options)  # type: ignore[arg-type]
 
 
 def test_steps_come_in_order_and_a_step_that_fails_ends_it(lab: Path, bench: Bench) -> None:
-    bench.fails = {Step.GRAVITY}
+    bench.fails = {CommissionStep.GRAVITY}
     report = go(lab)
     assert bench.ran == ORDER[:4]
     assert not report.holds
@@ -129,18 +129,18 @@ def test_steps_come_in_order_and_a_step_that_fails_ends_it(lab: Path, bench: Ben
     assert report.holds
     assert "--game" in report.next
     assert go(lab, game=True).next == "every step held"
-    assert bench.ran[-1] is Step.GAME
+    assert bench.ran[-1] is CommissionStep.GAME
 
 
 def test_status_does_nothing_and_from_does_again(lab: Path, bench: Bench) -> None:
-    assert next_step({one.step: one.state for one in go(lab, status=True).steps}) is Step.DEVICES
+    assert next_step({one.step: one.state for one in go(lab, status=True).steps}) is CommissionStep.DEVICES
     assert not bench.ran
     with pytest.raises(UserError, match="step gravity is refused: step devices comes before it"):
-        go(lab, start=Step.GRAVITY)
+        go(lab, start=CommissionStep.GRAVITY)
     go(lab)
     bench.ran.clear()
-    go(lab, start=Step.IDENTIFY)
-    assert bench.ran == [Step.IDENTIFY, Step.TRACKING, Step.CALIBRATE]
+    go(lab, start=CommissionStep.IDENTIFY)
+    assert bench.ran == [CommissionStep.IDENTIFY, CommissionStep.TRACKING, CommissionStep.CALIBRATE]
 
 
 def test_whoever_says_no_ends_it(lab: Path, bench: Bench) -> None:
@@ -153,13 +153,13 @@ def test_whoever_says_no_ends_it(lab: Path, bench: Bench) -> None:
 
 def test_rigs_that_have_no_arm_of_their_own_are_refused() -> None:
     with pytest.raises(UserError, match="needs no commissioning"):
-        run_commission("sim", Person(Answers(), None), lambda _: None)
+        run_commission("sim", Commissioner(GivenAnswers(), None), lambda _: None)
 
 
 def test_a_table_says_what_to_do(lab: Path, bench: Bench) -> None:
     from rich.console import Console
 
-    bench.fails = {Step.DEVICES}
+    bench.fails = {CommissionStep.DEVICES}
     console = Console(width=160, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     console.print(go(lab).table())
     console.file.close()
@@ -196,13 +196,13 @@ def test_answers_are_numbers_or_asked_again(tmp_path: Path) -> None:
     typed = iter(["there", "0 -75 145"])
     import numpy as np
 
-    asked = Person(Answers(), lambda _: next(typed)).tool(np.zeros(3))
+    asked = Commissioner(GivenAnswers(), lambda _: next(typed)).tool(np.zeros(3))
     assert asked.tolist() == [0.0, -0.075, 0.145]
     with pytest.raises(UserError, match="--measured-tool"):
-        Person(Answers(), None).tool(np.zeros(3))
+        Commissioner(GivenAnswers(), None).tool(np.zeros(3))
     file = tmp_path / "answers.toml"
     file.write_text("measured_tool = [0.0, -75.0, 145.0]\npole_pairs = 4\n")
-    assert load_answers(file) == Answers(measured_tool=(0.0, -75.0, 145.0), pole_pairs=4)
+    assert load_answers(file) == GivenAnswers(measured_tool=(0.0, -75.0, 145.0), pole_pairs=4)
     file.write_text("measured_tol = [0.0, -75.0, 145.0]\n")
     with pytest.raises(ConfigError, match="measured_tool"):
         load_answers(file)
@@ -223,4 +223,4 @@ def test_the_simulated_robot_may_be_another_than_the_one_believed(lab: Path) -> 
 
 def test_reports_are_json(lab: Path, bench: Bench) -> None:
     content = json.loads(go(lab).model_dump_json())
-    assert [one["step"] for one in content["steps"]] == [step.value for step in Step]
+    assert [one["step"] for one in content["steps"]] == [step.value for step in CommissionStep]
