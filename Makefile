@@ -13,7 +13,8 @@ ARGS ?=
 TIMES ?= 20
 WORKERS ?= $(shell expr 2 '*' $$(nproc))
 # What Numba compiles where its cache is empty: once before the workers, each of which would do it for itself. Nor need
-# each of the hundreds of processes that tests start read all sources anew, whatever the environment says of bytecode.
+# each of the hundreds of processes that tests start read all sources anew, whatever the environment says of bytecode;
+# and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
 .PHONY: demo test nightly check clean constraints coverage vendor
@@ -25,7 +26,7 @@ demo:
 test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; wait
-	@PYTHONDONTWRITEBYTECODE= .venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 nightly:
 	@bash .ci/setup dev
