@@ -311,6 +311,7 @@ LOAD_LATE = {
     "app.page.recorded.maker": "makes one thing, with what that alone needs: a record is shown a second sooner",
     "app.play": "opens devices, films and looks, where it does",
     "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
+    "app.rig.drives": "each driver is loaded where it is wanted: some are extras",
     "app.rig.simulation.processes": "each process loads only what it needs",
     "hardware.sim.emulated.ethercat.process": "makes a network, which takes a process of one thread: before numpy",
     "app.rig.simulation.sim": "the robot's model takes half a second to load, in which the processes start",

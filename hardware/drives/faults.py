@@ -9,7 +9,7 @@ DEVICES: Final = ("the bus", "servomotor 1", "servomotor 2", "servomotor 3", "th
 """What a fault can be of, by number."""
 
 
-class Finding(NamedTuple):
+class DriveFinding(NamedTuple):
     """What is wrong with a device, and what was seen, with its number and limit."""
 
     trouble: DriveTrouble

@@ -5,7 +5,7 @@ The same for every bus. A driver tells a watch what it has read and when, and ge
 
 from typing import Final, NamedTuple
 
-from hardware.drives.faults import Finding
+from hardware.drives.faults import DriveFinding
 from hardware.drives.settings import JointSettings, VelocitySource
 from hardware.interfaces import DriveTrouble
 from hardware.parameters import Drive
@@ -51,7 +51,7 @@ class EncoderWatch:
         """What was read before does not count: nobody has looked for a while."""
         self._before = None
 
-    def see(self, reading: EncoderReading) -> Finding | None:
+    def see(self, reading: EncoderReading) -> DriveFinding | None:
         """The next reading."""
         before, self._before = self._before, reading
         if before is None:
@@ -67,7 +67,7 @@ class EncoderWatch:
         if abs(moved) <= most:
             return None
         seen = f"by {moved:+.4f} rad within {1e3 * longest:.1f} ms, at most {most:.4f} rad is possible"
-        return Finding(DriveTrouble.ENCODER_JUMPED, seen)
+        return DriveFinding(DriveTrouble.ENCODER_JUMPED, seen)
 
 
 class TorqueWatch:
@@ -94,7 +94,7 @@ class TorqueWatch:
         del self._asked[0]
         self._asked.append(torque)
 
-    def see(self, given: float, elapsed: float, limited: str = "") -> Finding | None:
+    def see(self, given: float, elapsed: float, limited: str = "") -> DriveFinding | None:
         """What the drive says that it gives [N m], so long after it said so before [s]; ``limited``: why it may."""
         asked = self._asked[-1]
         if asked is None or any(self._agrees(one, given) for one in self._asked if one is not None):
@@ -105,7 +105,7 @@ class TorqueWatch:
             return None
         limited = f"; {limited}" if limited else ""
         seen = f"asked for {asked:.2f} N m at the motor, it says {given:.2f} N m, for {1e3 * self._apart:.0f} ms"
-        return Finding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen + limited)
+        return DriveFinding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen + limited)
 
     def _agrees(self, asked: float, given: float) -> bool:
         return abs(given - asked) <= self._share * (self._rated + abs(asked))

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from hardware.drives.ethercat.cia402 import MODE_TORQUE, DriveState, Wanted, control_word, limited, reset_word, state_of
 from hardware.drives.ethercat.presets import DRIVE_INPUTS, TORQUE_OUTPUTS
-from hardware.drives.faults import Finding
+from hardware.drives.faults import DriveFinding
 from hardware.drives.joint import JointScale
 from hardware.drives.rating import TorqueRating
 from hardware.drives.settings import JointSettings, VelocitySource
@@ -68,7 +68,7 @@ class ServoAxis:
         counts = max(-32768, min(32767, round(motor * self._thousandths)))
         return self._pack(self._control, counts, MODE_TORQUE)
 
-    def take(self, inputs: bytes, sent: float, answered: float, elapsed: float) -> Finding | None:
+    def take(self, inputs: bytes, sent: float, answered: float, elapsed: float) -> DriveFinding | None:
         """Process data that came between two moments, so long after the ones before [s]; what is wrong with them."""
         status, position, velocity, torque, self.error = self._unpack(inputs)
         self.state = state_of(status)

@@ -7,14 +7,14 @@ from hardware.drives.ethercat.cia402 import DriveState
 from hardware.drives.ethercat.error_codes import trouble_of, words_of
 from hardware.drives.ethercat.network import Health
 from hardware.drives.ethercat.settings import ARMS, Device
-from hardware.drives.faults import DriveFault, Finding
+from hardware.drives.faults import DriveFault, DriveFinding
 from hardware.interfaces import DriveTrouble
 
 NUMBERS = {**{arm: number for number, arm in enumerate(ARMS, 1)}, Device.GRIPPER: 4, Device.FORCES: 5, Device.OTHER: 0}
 """Of devices in a ``DriveFault``."""
 
 
-def of_drive(device: Device, place: int, finding: Finding) -> DriveFault:
+def of_drive(device: Device, place: int, finding: DriveFinding) -> DriveFault:
     """What a drive's data tell."""
     return DriveFault(NUMBERS[device], finding.trouble, f"{finding.detail}; device {place + 1} on the cable")
 

@@ -30,6 +30,8 @@ from hardware.parameters import RobotParameters
 INSTALL: Final = "EtherCAT drives need pysoem, which is not installed: pip install 'touchmove[ethercat]'"
 _STATE_TIME: Final = 3.0
 """Within which all devices reach a state [s]; MR-J4 and its like take some tenths."""
+_ACTIVE: Final = 300e-6
+"""So long a frame is waited for without sleeping [s]; it takes some 100 µs."""
 _WATCHDOG_OFF: Final = 0.0002
 """A watchdog that differs by more from what was asked for has not been set [s]; its steps are 0.1 ms."""
 _TRIES: Final = 10
@@ -251,9 +253,13 @@ class Network:
     def receive(self, patience: float) -> int:
         """Wait for the frame [s]; its working counter, negative if it did not come back.
 
-        SOEM waits by the socket's own time-out, which the kernel rounds up to its jiffies: up to 12 ms.
+        Actively at first: to be woken up costs as much as the frame takes. SOEM waits by the socket's own time-out,
+        which the kernel rounds up to its jiffies: up to 12 ms.
         """
-        if self._arrival.poll(patience * 1e3):
+        arrived, until = self._arrival.poll(0), time.monotonic() + min(patience, _ACTIVE)
+        while not arrived and time.monotonic() < until:
+            arrived = self._arrival.poll(0)
+        if arrived or self._arrival.poll(patience * 1e3):
             return int(self._master.receive_processdata(round(patience * 1e6)))
         os.set_blocking(self._socket, False)
         try:

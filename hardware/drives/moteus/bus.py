@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Final
 
 from hardware.drives.clock import TickClock
-from hardware.drives.faults import DriveFault, Finding
+from hardware.drives.faults import DriveFault, DriveFinding
 from hardware.drives.joint import FingerScale
 from hardware.drives.moteus.adapter import Adapter
 from hardware.drives.moteus.answers import AnswerCollector
@@ -103,7 +103,7 @@ class MoteusServoBus:
             raise BusLost("the moteus drives were given up")
         self._ill = False
         if not math.isfinite(sum(command.torque) + command.finger_velocity):
-            self._fail(0, Finding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
+            self._fail(0, DriveFinding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
         self._cycle(command)
         while any(math.isnan(joint.angle) for joint in self._joints):  # the first answers are missing
             if self.fault is not None:
@@ -220,7 +220,7 @@ class MoteusServoBus:
             if finding is not None:
                 self._fail(part + 1, finding)
 
-    def _look(self, part: int, told: Told, command: Command, elapsed: float) -> Finding | None:
+    def _look(self, part: int, told: Told, command: Command, elapsed: float) -> DriveFinding | None:
         """What is wrong with a device that has answered."""
         if told.mode == Mode.TIMEOUT:
             self._ill = True
@@ -236,7 +236,7 @@ class MoteusServoBus:
             told.mode, wanted, elapsed
         )
 
-    def _fail(self, device: int, finding: Finding) -> None:
+    def _fail(self, device: int, finding: DriveFinding) -> None:
         """Brake, for what was found first."""
         self._ill = True
         if self.fault is not None:

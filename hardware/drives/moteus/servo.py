@@ -4,7 +4,7 @@ import math
 from enum import Enum, auto, unique
 from typing import Final
 
-from hardware.drives.faults import Finding
+from hardware.drives.faults import DriveFinding
 from hardware.drives.joint import JointScale
 from hardware.drives.moteus.cycle import Controller, Told
 from hardware.drives.moteus.registers import Mode, fault_words
@@ -83,7 +83,7 @@ class ServoJoint:
         self._unread += elapsed
         self.angle += self.velocity * elapsed
 
-    def take(self, told: Told, sent: float, answered: float, elapsed: float) -> Finding | None:
+    def take(self, told: Told, sent: float, answered: float, elapsed: float) -> DriveFinding | None:
         """Its answer, which came between two moments, so long after the exchange before [s]; what is wrong with it."""
         before, self.told = self.mode, told
         angle, velocity = self._scale.angle(told.angle), self._scale.velocity(told.velocity)
@@ -94,13 +94,13 @@ class ServoJoint:
         self.angle, self.velocity = angle, velocity
         return self._asleep(before, elapsed) or jumped or self._follows(told, unread)
 
-    def _asleep(self, before: int, elapsed: float) -> Finding | None:
+    def _asleep(self, before: int, elapsed: float) -> DriveFinding | None:
         if elapsed <= _LATE * self._watchdog or not before == self.mode == Mode.POSITION:
             return None
         seen = f"{elapsed * 1e3:.0f} ms without a command, limit {self._watchdog * 1e3:.0f} ms"
-        return Finding(DriveTrouble.WATCHDOG_DEAD, seen)
+        return DriveFinding(DriveTrouble.WATCHDOG_DEAD, seen)
 
-    def _follows(self, told: Told, elapsed: float) -> Finding | None:
+    def _follows(self, told: Told, elapsed: float) -> DriveFinding | None:
         if told.mode != Mode.POSITION:
             self._followed.begin_anew()
             return None

@@ -18,7 +18,7 @@ from hardware.drives.settings import DriveSettings
 from hardware.interfaces import HardwareError
 from hardware.parameters import RobotParameters
 
-DAMP: Final = Mode.ZERO_VELOCITY
+DAMP: Final = Mode.BRAKE
 """What a servomotor does when its watchdog bites, where power-off brakes close at the same time …"""
 HOLD: Final = Mode.POSITION
 """… and where there are none."""

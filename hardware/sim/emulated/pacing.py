@@ -29,6 +29,11 @@ class FollowingPacer:
         """From when on commands bring the next tick, and when it comes without."""
         return self._due - _EARLY * self._period, self._due + _LATE * self._period
 
+    @property
+    def expected(self) -> float:
+        """When the next commands come, if they come as they did."""
+        return self._due
+
     def ran(self, now: float, commanded: bool) -> None:
         """A tick has begun."""
         if commanded:

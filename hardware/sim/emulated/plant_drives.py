@@ -22,6 +22,10 @@ _IDLE: Final = 0.010
 """At rest and without a master the plant runs a bunch of ticks each so often [s]."""
 
 
+_AWAKE: Final = 0.15
+"""So early before its frames come a process in real time listens without sleeping, as a share of the period."""
+
+
 class MotorCommand(NamedTuple):
     """What the devices do to the plant in one tick, motors counted as the devices count them."""
 
@@ -34,6 +38,8 @@ class MotorCommand(NamedTuple):
     """Brakes are closed: dry friction on every shaft."""
     powered: bool
     """At least one device drives; otherwise the brakes are closed, too."""
+    damping: Triple = (0.0, 0.0, 0.0)
+    """Of motors whose phases are shorted, each at its own shaft [N m s/rad]; whichever way round they are wired."""
 
 
 class MotorState(NamedTuple):
@@ -136,13 +142,25 @@ class DrivenWorld(World):
         else:
             finger = self._finger.velocity(command.gripper_velocity)
             self._grip = min(0.0, finger)
+        torque = one.torque(u), two.torque(v), three.torque(w)
+        if any(command.damping):
+            torque = self._damped(torque, command.damping)
         asked = Command(
-            (one.torque(u), two.torque(v), three.torque(w)), finger,
+            torque, finger,
             command.braked, command.powered, busy=False,
         )  # fmt: skip
         self.plant.apply(asked)
         self._applied = asked
         self._advance(asked)
+
+    def _damped(self, torque: Triple, damping: Triple) -> Triple:
+        """Torques of the joints with those of shorted motors [N m]."""
+        velocity = self.plant.measure(standing=False).velocity
+        a, b, c = (
+            u - scale.torque(d * scale.motor_velocity(v))
+            for u, d, v, scale in zip(torque, damping, velocity, self._joints, strict=True)
+        )
+        return a, b, c
 
     # the loop
 
@@ -169,6 +187,8 @@ class DrivenWorld(World):
                 until += _IDLE
             if until <= now:
                 break
+            if self._realtime and not devices.complete:  # devices answer at once: awake when their frames come
+                until = max(now, min(until, pacer.expected - _AWAKE * self._period))
             if self.listen(until - now, devices.numbers):
                 if time.monotonic() > late + self._period:  # this process was held up, and its motors were not
                     self._run_due(time.monotonic())

@@ -56,7 +56,7 @@ class Planting:
 
     def turn(self, age: float) -> None:
         """A tick begins in a world that is so old [s]."""
-        ended = [fault for fault in self._active if fault.until <= age]
+        ended = [fault for fault in self._active if fault.until is not None and fault.until <= age]
         for fault in ended:
             self._active.remove(fault)
             if fault.kind in ON_DEVICE:

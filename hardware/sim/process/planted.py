@@ -79,8 +79,8 @@ class PlantedFault(Frozen):
     """See the kinds; a usual one if left out."""
     at: NonNegativeFloat = 0.0
     """Of the world's age [s, plant]; 0: as it is switched on."""
-    until: float = math.inf
-    """Mended then [s, plant]."""
+    until: NonNegativeFloat | None = None
+    """Mended then [s, plant]; never if left out."""
 
     @property
     def size(self) -> float:

@@ -34,7 +34,7 @@ from hardware.sim.process.hand_service import HandService
 from hardware.sim.process.journal import Journal
 from hardware.sim.process.pacing import Pacer, SpeedMeter
 from hardware.sim.process.scene_control import SceneControlService
-from hardware.sim.process.services import NEVER, ClockService, Drives, RefereeService
+from hardware.sim.process.services import NEVER, ClockService, DriveService, RefereeService
 from hardware.sim.process.settings import END_FILE, WorldSettings, load_settings
 from hardware.sim.render.renderer import MODEL_FILE, Renderer
 
@@ -83,7 +83,7 @@ class World:
         self._watchdog_ticks = drive.watchdog_ticks
         self._pacer, self._speed = Pacer(drive.tick), SpeedMeter()
         facts = {"period": drive.tick, "lockstep": self._fast}
-        self._drives = Drives(facts, settings.first_controller, settings.linger)
+        self._drives = DriveService(facts, settings.first_controller, settings.linger)
         self._clocks = ClockService(facts, self.plant)
         latency = round(settings.camera_latency / drive.tick)
         stage = SceneControlService(facts, self.plant, construction.looks)

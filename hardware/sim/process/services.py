@@ -17,7 +17,7 @@ NEVER: Final = 1 << 62
 """A tick that does not come."""
 
 
-class Drives(Service):
+class DriveService(Service):
     """The servo bus: one controller at a time, None while nobody holds the drives.
 
     ``taken``: a controller in this very process holds them; ``command`` was received and is not yet carried out;

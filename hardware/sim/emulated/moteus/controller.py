@@ -206,6 +206,12 @@ class EmulatedController:
             return None
         return self._command[Register.COMMAND_VELOCITY] * TURN
 
+    @property
+    def damping(self) -> float:
+        """Of its motor, by shorted phases [N m s/rad]."""
+        after = self.mode is Mode.TIMEOUT and self.console.values["servo.timeout_mode"] == Mode.BRAKE
+        return SHORTED if self.mode is Mode.BRAKE or after else 0.0
+
     def _torque(self, elapsed: float) -> float:
         mode, command, values = self.mode, self._command, self.console.values
         if mode in _IDLE:
@@ -217,7 +223,7 @@ class EmulatedController:
             if mode is Mode.ZERO_VELOCITY:
                 most = values["servo.timeout_max_torque_Nm"]
         if mode is Mode.BRAKE:
-            return -SHORTED * self._velocity
+            return 0.0
         return _cut(self._loop(mode, command, elapsed), most)
 
     def _loop(self, mode: Mode, command: dict[int, float], elapsed: float) -> float:

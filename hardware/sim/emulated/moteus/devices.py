@@ -61,7 +61,9 @@ class MoteusDevices:
         # without brakes an arm that is not driven as a whole is taken to stand on something
         powered = all(controller.drives for controller in self.controllers[:_GRIPPER])
         braked = not powered if self._relay is None else not self._relay.feeds(now)
-        return MotorCommand((a, b, c), self.controllers[_GRIPPER].asked_velocity, braked, powered or not braked)
+        one, two, three = (controller.damping for controller in self.controllers[:_GRIPPER])
+        speed = self.controllers[_GRIPPER].asked_velocity
+        return MotorCommand((a, b, c), speed, braked, powered or not braked, (one, two, three))
 
     def sense(self, state: MotorState) -> None:
         """See ``EmulatedDevices``."""
