@@ -109,7 +109,6 @@ class DrivenWorld(World):
         self._begun = time.monotonic()
         self._period = settings.drives.period
         self._follow = FollowingPacer(self._period, self._begun)
-        self._switched_on = self.plant.tick
         self._plant_faults()
         devices.sense(self.state())
 
@@ -198,7 +197,7 @@ class DrivenWorld(World):
 
     def _plant_faults(self) -> None:
         if self._planting is not None:
-            self._planting.turn((self.plant.tick - self._switched_on) * self._period)
+            self._planting.turn(self._period, driven=not self.plant.braked)
 
     def _run_due(self, now: float) -> None:
         """The next tick, and all that are due: more than one after a rest, or where this process was held up."""

@@ -1,5 +1,6 @@
 """Plants faults between the emulated drives and the plant, and in the drives, when their time has come."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, Protocol
 
@@ -52,11 +53,15 @@ class Planting:
         self._waiting = sorted(faults, key=lambda fault: fault.at)
         self._scales, self._newton, self._brakes, self._devices = scales, newton, brakes, devices
         self._active: list[PlantedFault] = []
+        self._ends: dict[PlantedFault, float] = {}
+        self._age = self._driven = 0.0
         self._frozen: dict[int, float] = {}
 
-    def turn(self, age: float) -> None:
-        """A tick begins in a world that is so old [s]."""
-        ended = [fault for fault in self._active if fault.until is not None and fault.until <= age]
+    def turn(self, elapsed: float, *, driven: bool) -> None:
+        """A tick begins, so long after the one before [s]; the arm was driven or stood on its brakes."""
+        self._age += elapsed
+        self._driven += elapsed if driven else 0.0
+        ended = [fault for fault in self._active if self._ends.get(fault, math.inf) <= self._age]
         for fault in ended:
             self._active.remove(fault)
             if fault.kind in ON_DEVICE:
@@ -64,9 +69,11 @@ class Planting:
             elif fault.kind is PlantedKind.ENCODER_DEAD:
                 self._frozen.pop(fault.device - 1, None)
         begun = False
-        while self._waiting and self._waiting[0].at <= age:
+        while self._waiting and self._waiting[0].at <= self._driven:
             fault = self._waiting.pop(0)
             self._active.append(fault)
+            if fault.lasts is not None:
+                self._ends[fault] = self._age + fault.lasts
             begun = True
             if fault.kind in ON_DEVICE:
                 self._devices.plant(fault.kind, fault.device, fault.size)

@@ -4,7 +4,7 @@ import math
 from enum import StrEnum
 from typing import Annotated, Final, Self
 
-from pydantic import Field, NonNegativeFloat, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from hardware.frozen import Frozen
 
@@ -78,9 +78,9 @@ class PlantedFault(Frozen):
     amount: float | None = None
     """See the kinds; a usual one if left out."""
     at: NonNegativeFloat = 0.0
-    """Of the world's age [s, plant]; 0: as it is switched on."""
-    until: NonNegativeFloat | None = None
-    """Mended then [s, plant]; never if left out."""
+    """Once the arm has been driven, with open brakes, for so long in all [s, plant]; 0: as it is switched on."""
+    lasts: PositiveFloat | None = None
+    """Mended by itself after so long [s, plant]; never if left out."""
 
     @property
     def size(self) -> float:
