@@ -34,8 +34,6 @@ class JointSettings(FrozenFinite):
     rated_torque: PositiveFloat | None = None
     """The motor's own, at its shaft [N m], where the drive counts torques in shares of it; as the drive says if left
     out."""
-    torque_constant: PositiveFloat | None = None
-    """Of the motor [N m/A], where the drive counts in amperes; left out where it counts in newton metres."""
     peak_torque: PositiveFloat | None = None
     """Largest torque that is asked for [N m]; that of the robot's parameters if left out."""
     rms_torque: PositiveFloat | None = None
