@@ -93,7 +93,6 @@ class MoteusServoBus:
         self._told: list[Told | None] = [None] * len(machine.controllers)
         self._bitten = self._ill = self._pumped = self._closed = False
         self._clock, self._tick = TickClock(self.period), 0
-        self._tick = self._clock.tick
         self._sent = self._fed = math.nan
         self.took = 0.0
 
@@ -133,8 +132,7 @@ class MoteusServoBus:
         elapsed = self._sent - before if math.isfinite(before) else self.period
         self._send(command, elapsed)
         self._take(command, elapsed)
-        self.took = (answered := time.monotonic()) - self._sent
-        self._tick = self._clock.told(answered)
+        self.took = time.monotonic() - self._sent
 
     # commands
 

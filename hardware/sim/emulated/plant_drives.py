@@ -64,6 +64,11 @@ class EmulatedDevices(Faulty, Protocol):
         """Open files at which the master's messages come."""
 
     @property
+    def prompt(self) -> bool:
+        """The master's messages come from its own hands; otherwise a thread of the kernel brings them, which needs a
+        processor that nobody keeps busy."""
+
+    @property
     def complete(self) -> bool:
         """A whole cycle of commands has come since the last tick."""
 
@@ -186,7 +191,7 @@ class DrivenWorld(World):
                 until += _IDLE
             if until <= now:
                 break
-            if self._realtime and not devices.complete:  # devices answer at once: awake when their frames come
+            if self._realtime and devices.prompt and not devices.complete:  # devices answer at once: awake when their frames come
                 until = max(now, min(until, pacer.expected - _AWAKE * self._period))
             if self.listen(until - now, devices.numbers):
                 if time.monotonic() > late + self._period:  # this process was held up, and its motors were not

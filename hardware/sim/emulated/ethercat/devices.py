@@ -76,6 +76,11 @@ class EtherCatDevices:
         return () if self._socket is None else (self._socket.fileno(),)
 
     @property
+    def prompt(self) -> bool:
+        """See ``EmulatedDevices``."""
+        return True
+
+    @property
     def complete(self) -> bool:
         """See ``EmulatedDevices``."""
         return self._complete

@@ -42,6 +42,11 @@ class MoteusDevices:
         return (self._adapter.number,)
 
     @property
+    def prompt(self) -> bool:
+        """See ``EmulatedDevices``."""
+        return False
+
+    @property
     def complete(self) -> bool:
         """See ``EmulatedDevices``."""
         return len(self._given) == len(self.controllers)
