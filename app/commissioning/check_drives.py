@@ -15,7 +15,9 @@ import numpy as np
 from app.commissioning.check_report import Finding, Judge
 from app.motion.path import Vector
 from controller.law.task_space import TaskSpaceController
+from controller.loop.realtime import set_up_real_time
 from controller.model.constants import DeltaModel
+from controller.settings import ControllerSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -55,16 +57,21 @@ class Heard:
 
 
 def check_drives(
-    open_bus: Callable[[RobotParameters], ServoBus], parameters: RobotParameters, table: TableSettings
+    open_bus: Callable[[RobotParameters], ServoBus],
+    parameters: RobotParameters,
+    table: TableSettings,
+    settings: ControllerSettings,
 ) -> list[Finding]:
-    """Listen to the drives on their brakes, then see whether they notice silence.
+    """Listen to the drives on their brakes, then see whether they notice silence; in such real time as the settings of
+    their controller ask for.
 
     Raises:
         HardwareError: they cannot be opened.
     """
     bus = open_bus(parameters)
     try:
-        return check_bus(bus, parameters, table)
+        with set_up_real_time(settings, bus.lockstep):
+            return check_bus(bus, parameters, table)
     finally:
         bus.close()
 

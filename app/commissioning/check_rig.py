@@ -131,7 +131,7 @@ def _check_drives(
             if rig.simulated and rig.sees:  # first: the world ends when its drives are given up
                 require_world(rig, progress)
                 seen = _check_camera(rig)
-            return judge.findings + check_drives(drives.open, parameters, rig.table) + seen
+            return judge.findings + check_drives(drives.open, parameters, rig.table, rig.controller) + seen
     except (UserError, HardwareError) as error:
         judge.wrong("connection", str(error), "put right what it says, then check again")
         return judge.findings

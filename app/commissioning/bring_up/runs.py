@@ -25,6 +25,7 @@ from app.commissioning.identify import run_identify
 from app.commissioning.operate import STATUS, operate
 from app.rig.rig_file import RigFile
 from app.rig.simulation.processes import drives_of
+from controller.loop.realtime import set_up_real_time
 from hardware.interfaces import HardwareError, ServoBus
 from hardware.parameters import RobotParameters
 
@@ -71,7 +72,8 @@ def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]
         with drives_of(site.rig, site.progress) as drives:
             bus = drives.open(site.parameters)
             try:
-                return try_it(bus)
+                with set_up_real_time(site.rig.controller, bus.lockstep):
+                    return try_it(bus)
             finally:
                 bus.close()
     except HardwareError as error:

@@ -18,6 +18,10 @@ from hardware.parameters import Drive
 _LATE: Final = 1.5
 """A watchdog that has not bitten after its time-out, and half of it for what USB and CAN may add, does not bite."""
 
+_FASTER, _FASTER_BY = 1.2, 0.5
+"""A joint that is held only gets slower; one that is so many times as fast as at the start, and by so much on top
+[rad/s], runs away from its place: encoder and torque have opposite signs."""
+
 
 @unique
 class ServoAction(Enum):
@@ -51,7 +55,7 @@ class ServoJoint:
         self._estimate = estimate_of(settings) if settings.velocity is VelocitySource.POSITION else None
         self._encoder = EncoderWatch(settings, drive)
         self._followed = TorqueWatch(settings, abs(scale.motor_torque(settings.rms(drive))))
-        self._held = math.nan
+        self._held = self._fastest = math.nan
         self._unread = 0.0
 
     @property
@@ -63,6 +67,8 @@ class ServoJoint:
         """The line that tells it, so long after the one before [s]; ``pump``: state of its digital outputs."""
         if wanted is not ServoAction.HOLD:
             self._held = math.nan
+        elif self._runs_away():
+            wanted = ServoAction.SHORT
         if wanted is ServoAction.RUN:
             temperature = math.nan if self.told is None else self.told.temperature
             rated = self._rating.rate(torque, temperature, elapsed)
@@ -74,9 +80,16 @@ class ServoJoint:
         self.cut = wanted is ServoAction.HOLD and abs(torque) > self._rating.peak
         if wanted is ServoAction.HOLD and self.told is not None:
             if math.isnan(self._held):
-                self._held = self.told.angle
+                self._held, self._fastest = self.told.angle, _FASTER * abs(self.velocity) + _FASTER_BY
             return self._controller.hold(self._held, pump)
         return self._controller.mode(Mode.BRAKE if wanted is ServoAction.SHORT else Mode.STOPPED, pump)
+
+    def _runs_away(self) -> bool:
+        """While it is held: faster than it can be, and from then on. Shorted phases damp in any case."""
+        if math.isnan(self._held) or abs(self.velocity) <= self._fastest:
+            return False
+        self._fastest = -1.0
+        return True
 
     def coast(self, elapsed: float) -> None:
         """It has not answered: it is taken to have moved on as it did."""

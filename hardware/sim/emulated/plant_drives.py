@@ -66,7 +66,8 @@ class EmulatedDevices(Faulty, Protocol):
     @property
     def prompt(self) -> bool:
         """The master's messages come from its own hands; otherwise a thread of the kernel brings them, which needs a
-        processor that nobody keeps busy."""
+        processor that nobody keeps busy.
+        """
 
     @property
     def complete(self) -> bool:
@@ -191,7 +192,9 @@ class DrivenWorld(World):
                 until += _IDLE
             if until <= now:
                 break
-            if self._realtime and devices.prompt and not devices.complete:  # devices answer at once: awake when their frames come
+            if (
+                self._realtime and devices.prompt and not devices.complete
+            ):  # awake when their frames come
                 until = max(now, min(until, pacer.expected - _AWAKE * self._period))
             if self.listen(until - now, devices.numbers):
                 if time.monotonic() > late + self._period:  # this process was held up, and its motors were not

@@ -18,6 +18,7 @@ from hardware.drives.moteus.settings import MoteusSettings, PinSettings
 from hardware.drives.settings import DriveSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, Pace
 from hardware.parameters import load_parameters
+from hardware.sim.process.planted import PlantedFault, PlantedKind
 from hardware.sim.process.settings import WorldSettings, keep_settings
 
 DRIVES = DriveSettings()
@@ -46,9 +47,11 @@ def test_lines_with_check_sums() -> None:
 
 
 @pytest.fixture
-def bus(tmp_path: Path) -> Iterator[MoteusServoBus]:
+def bus(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[MoteusServoBus]:
+    """Of a world in which what a test is parametrized with is planted."""
     world = WorldSettings(
-        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES, moteus=SETTINGS
+        pieces=(), home=(0.0, 0.075, 0.325), pace=Pace.REAL, cameras=False, linger=20.0, drives=DRIVES, moteus=SETTINGS,
+        planted=getattr(request, "param", ()),
     )  # fmt: skip
     keep_settings(world, tmp_path)
     process = subprocess.Popen(
@@ -94,3 +97,21 @@ def test_it_moves_brakes_and_its_watchdog_bites(bus: MoteusServoBus) -> None:
         said = bus.exchange(REST)
     assert said.status == DriveStatus.BRAKED
     assert max(map(abs, said.velocity)) < 0.05
+
+
+@pytest.mark.parametrize(
+    "bus", [(PlantedFault(kind=kind),) for kind in (PlantedKind.ENCODER_SIGN, PlantedKind.TORQUE_SIGN)], indirect=True
+)
+def test_a_motor_that_turns_the_wrong_way_does_not_run_away_while_its_brake_closes(bus: MoteusServoBus) -> None:
+    """It is held by its own position loop until then, which pushes it on where a sign is wrong."""
+    for _ in range(100):
+        bus.exchange(POWERED)
+    before = bus.exchange(POWERED).angle
+    free = FREE._replace(torque=(0.0, 0.0, 0.0), finger_velocity=0.0)
+    for _ in range(200):  # it takes the relay a moment
+        said = bus.exchange(free)
+        if abs(said.velocity[0]) > 0.1:
+            break
+    after = [bus.exchange(REST) for _ in range(300)][-1]
+    assert abs(after.velocity[0]) < 0.05
+    assert max(abs(a - b) for a, b in zip(after.angle, before, strict=True)) < 0.15
