@@ -192,9 +192,7 @@ class DrivenWorld(World):
                 until += _IDLE
             if until <= now:
                 break
-            if (
-                self._realtime and devices.prompt and not devices.complete
-            ):  # awake when their frames come
+            if self._realtime and devices.prompt and not devices.complete:  # awake when their frames come
                 until = max(now, min(until, pacer.expected - _AWAKE * self._period))
             if self.listen(until - now, devices.numbers):
                 if time.monotonic() > late + self._period:  # this process was held up, and its motors were not
