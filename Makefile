@@ -1,5 +1,6 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
-# make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once; ARGS go to pytest
+# make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once, then one by one those of
+#              what has to be punctual; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make check   format, lint, strict types
 # make coverage   line and branch coverage of the controller
@@ -17,6 +18,8 @@ WORKERS ?= $(shell expr 2 '*' $$(nproc))
 # and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
+PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
+
 .PHONY: demo test nightly check clean constraints coverage vendor
 
 demo:
@@ -26,7 +29,8 @@ demo:
 test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; wait
-	@PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
+	@$(PYTEST) -m real_time $(ARGS) || [ $$? -eq 5 ]
 
 nightly:
 	@bash .ci/setup dev

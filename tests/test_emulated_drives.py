@@ -13,6 +13,8 @@ import pytest
 from hardware.interfaces import DriveTrouble
 from tests.controllers import Controller, free_port, touchmove
 
+pytestmark = pytest.mark.real_time
+
 BUSES = ("moteus", "ethercat")
 SECTIONS = {
     "moteus": """

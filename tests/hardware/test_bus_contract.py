@@ -19,6 +19,8 @@ from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, Mea
 from hardware.sim.process.server import World
 from tests.hardware.bus_benches import DRIVES, ENDED, FREE, KINDS, POWERED, REST, ROBOT, Bench, world_settings
 
+pytestmark = pytest.mark.real_time
+
 PERIOD = DRIVES.period
 PEAK = ROBOT.drive.peak_torque
 SECOND = round(1.0 / PERIOD)

@@ -78,7 +78,10 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         ("[controller]\nport = -1\n", r"controller\.port: .*greater than or equal to 0, not -1"),
         (CONTROLLER.replace("47100", "0"), r"clients on other computers cannot find a free port: give port a number"),
         (CONTROLLER + '[drives]\nbus = "my lab"\n', r"drives\.bus: .*, not 'my lab'"),
-        (CONTROLLER + '[drives]\nbus = "mitsubishi"\n[world]\n', r'a \[world\] stands behind bus = "sim" only'),
+        (
+            CONTROLLER + '[drives]\nbus = "mitsubishi"\n[world]\n',
+            r'a \[world\] stands behind bus = "sim" and emulated drives only',
+        ),
         ("[controller\n", r"is no TOML: .*: mend that line"),
         (
             CONTROLLER + '[camera]\nkind = "none"\n',
@@ -120,13 +123,29 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
 def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "rigs.md").read_text(encoding="utf-8")
     block = page.split("## The file")[1].split("```toml\n")[1].split("```")[0]
-    copy(DEFAULT_FILE, tmp_path / "robot.toml")
+    for name in ("robot.toml", "built.toml"):
+        copy(DEFAULT_FILE, tmp_path / name)
     rig = load_rig(write(tmp_path, block))
     assert chess.Board(rig.world_section.fen).is_valid()
     assert rig.table == TableSettings(), "the page shows the usual table"
     shown = set(re.findall(r"^(\w+) =", block, re.MULTILINE))
     assert {*RigFile.model_fields} - {"controller", "drives", "world", "table", "camera"} <= shown
-    assert {*DrivesSection.model_fields, *WorldSection.model_fields} - {"hand"} <= shown
+    assert {"bus", *WorldSection.model_fields} - {"hand", "planted"} <= shown
+
+
+def test_the_drives_on_the_page_are_drives(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "drives.md").read_text(encoding="utf-8")
+    moteus, ethercat, world = (block.split("```")[0] for block in page.split("```toml\n")[1:])
+    rig = load_rig(write(tmp_path, moteus))
+    assert rig.drives.moteus is not None
+    assert [joint.sign for joint in rig.drives.joints] == [-1, 1, 1]
+    chained = load_rig(write(tmp_path, CONTROLLER + '[drives]\nbus = "ethercat"\n' + ethercat))
+    assert chained.drives.ethercat is not None
+    assert chained.drives.ethercat.sdo
+    planted = load_rig(write(tmp_path, moteus.replace("# emulated", "emulated") + world)).world_section.planted
+    assert [fault.device for fault in planted] == [2, 1]
+    shown = set(re.findall(r"^(?:# )?(\w+) =", moteus + ethercat, re.MULTILINE))
+    assert {*DrivesSection.model_fields} - {"joints", "finger", "moteus", "ethercat"} <= shown
 
 
 def test_the_cameras_on_the_page_are_cameras(tmp_path: Path) -> None:

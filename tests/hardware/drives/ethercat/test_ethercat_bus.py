@@ -26,6 +26,8 @@ from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.process.settings import WorldSettings, keep_settings
 from tests.hardware.drives.ethercat.privileges import require_privileges
 
+pytestmark = pytest.mark.real_time
+
 DRIVES = DriveSettings(
     joints=(JointSettings(encoder_bits=22, sign=-1, offset=0.3), JointSettings(encoder_bits=22), JointSettings()),
     forces=(ForceSettings(gain=5.0), ForceSettings(gain=-5.0, zero=4.0)),

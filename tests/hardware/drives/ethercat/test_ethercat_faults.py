@@ -33,6 +33,8 @@ from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.process.settings import WorldSettings, keep_settings
 from tests.hardware.drives.ethercat.privileges import require_privileges
 
+pytestmark = pytest.mark.real_time
+
 ROOT = Path(__file__).parents[4]
 DRIVES, CABLE = DriveSettings(), EtherCatSettings(interface=namespace.MASTER_END)
 ROBOT = DRIVES.robot(load_parameters())

@@ -18,6 +18,8 @@ from hardware.interfaces import Pace
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.process.settings import WorldSettings, keep_settings
 
+pytestmark = pytest.mark.real_time
+
 _DROP_FROM_BOUNDING_SET, _LAST_CAPABILITY = 24, Path("/proc/sys/kernel/cap_last_cap")
 _SET_FILE_CAPABILITIES = 31
 """Who has the number 0 may bring it into a user namespace with this one alone; see capabilities(7)."""

@@ -21,6 +21,8 @@ from hardware.parameters import load_parameters
 from hardware.sim.process.planted import PlantedFault, PlantedKind
 from hardware.sim.process.settings import WorldSettings, keep_settings
 
+pytestmark = pytest.mark.real_time
+
 DRIVES = DriveSettings()
 SETTINGS = MoteusSettings(brakes=PinSettings(id=4, aux=2, pin=1))
 REST = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)

@@ -22,6 +22,8 @@ from hardware.realtime import real_time
 from tests.hardware.drives.moteus.emulator import Emulator, emulated
 from tests.waiting import until
 
+pytestmark = pytest.mark.real_time
+
 DRIVES = DriveSettings()
 ROBOT = DRIVES.robot(load_parameters())
 WITH_BRAKES = MoteusSettings(ids=(11, 12, 13, 14), brakes=PinSettings(id=14, aux=2, pin=1))
