@@ -12,6 +12,8 @@ from app.cli import app
 from app.commissioning.bring_up.steps import FILE, CommissionReport, CommissionStep, StepState
 from hardware.sim.clients.wire import world_pid
 
+pytestmark = pytest.mark.real_time  # in one process with other tests it failed, alone never: found by nobody yet
+
 RIG = """
 [controller]
 port = 0
@@ -63,7 +65,7 @@ def test_status_of_an_arm_that_was_just_switched_on(lab: Path) -> None:
 def test_devices_and_axes_hold_and_the_tool_that_was_measured_elsewhere_does_not(lab: Path) -> None:
     """Two steps with a person who says yes twice and then no; then the zeros are wrong by what they say they see."""
     status, out, err = commission(lab, "--json", "--measured-tool", "0,-75,143", typed="\n\nn\n")
-    assert status == 0, err
+    assert status == 0, out + err
     assert [step for step, state in states(out).items() if state is StepState.HELD] == ["devices", "axes"]
     assert (lab.parent / FILE).exists()
     status, out, _ = commission(lab, "--json", "--yes", "--from", "axes", "--measured-tool", "0,-60,143")

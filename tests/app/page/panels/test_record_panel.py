@@ -104,7 +104,7 @@ def test_keys_go_from_ply_to_ply(page: Page, recorded: RecordedGame) -> None:
         ("PageUp", recorded.done[1]), ("PageUp", recorded.done[0]), ("End", recorded.record["span"][1]), ("Home", 0.0),
     ):  # fmt: skip
         slider.press(key)
-        assert float(slider.input_value()) == pytest.approx(expected, abs=0.011), key
+        until(lambda to=expected: float(slider.input_value()) == pytest.approx(to, abs=0.011), page)
 
 
 def test_a_move_chosen_in_the_list_of_moves_takes_the_slider_there(page: Page, recorded: RecordedGame) -> None:
@@ -116,7 +116,7 @@ def test_a_move_chosen_in_the_list_of_moves_takes_the_slider_there(page: Page, r
 
 
 def test_it_plays_as_fast_as_asked_and_stops(page: Page) -> None:
-    page.locator("select").select_option("8")
+    page.locator("select").select_option("2")  # slow enough that a busy browser finds it still playing
     page.get_by_role("button", name="Play", exact=True).click()
     until(lambda: get(page, "telemetry")["t"] > 1.0, page)
     page.get_by_role("button", name="Pause", exact=True).click()
