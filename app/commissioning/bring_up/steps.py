@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 from rich.console import Group, RenderableType
+from rich.text import Text
 
 from app import UserError
 from app.commissioning.check_report import Finding, findings_table
@@ -191,7 +192,9 @@ class CommissionReport(Frozen):
              "" if line.when is None else f"{line.when.astimezone():%Y-%m-%d %H:%M}")
             for line in self.steps
         ]  # fmt: skip
-        steps = rows_table(("step", "state", "last done"), rows, f"rig {self.rig}: {self.next}")
+        steps = Group(
+            Text(f"rig {self.rig}: {self.next}"), rows_table(("step", "state", "last done"), rows)
+        )  # a title would be folded to the width of this narrow table
         if not self.findings:
             return steps
         return Group(findings_table(self.findings, "the last step found"), "", steps)
