@@ -101,7 +101,6 @@ class DriveTrouble(IntEnum):
     WATCHDOG_BIT = 8, "heard nothing for too long, and braked", "see what held this computer up"
     NOT_OPERATIONAL = 9, "has left its operating state", "see its own diagnosis"
     FRAMES_LOST = 10, "loses frames", "see its cable and plugs"
-    LATE_CYCLE = 11, "was served too late", "keep a core free for the controller"
     WATCHDOG_DEAD = 12, "goes on without commands: its watchdog does not bite", "set its time-out again"
     NOT_FINITE = 13, "was given a command that is no number", "report this as a defect"
     OVER_VOLTAGE = 14, "has too much voltage", "see its supply and what takes the energy of braking"

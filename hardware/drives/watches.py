@@ -39,6 +39,9 @@ class EncoderWatch:
     With an acceleration of at most a, the mean of the two velocities misses the way of a time T by a T² / 4 at most: by
     a triangle of height a T / 2. When exactly two readings were made is not known; for half of the doubt about T the
     joint may have moved on with the faster of both velocities. And beyond ``fastest`` nothing is believed.
+
+    An encoder that has jumped stays wrong until it has jumped back: its zero is no longer known, and whoever moved the
+    arm by it would move it elsewhere.
     """
 
     def __init__(self, settings: JointSettings, drive: Drive) -> None:
@@ -46,16 +49,18 @@ class EncoderWatch:
         self._fastest = _SPEED_MARGIN * drive.max_speed
         self._trusted = settings.velocity is VelocitySource.DRIVE
         self._before: EncoderReading | None = None
+        self._jumped: DriveFinding | None = None
+        self._shift = self._doubt = 0.0
 
     def begin_anew(self) -> None:
-        """What was read before does not count: nobody has looked for a while."""
+        """What was read before does not count: nobody has looked for a while. A jump that was seen does."""
         self._before = None
 
     def see(self, reading: EncoderReading) -> DriveFinding | None:
         """The next reading."""
         before, self._before = self._before, reading
         if before is None:
-            return None
+            return self._jumped
         longest = reading.latest - before.earliest
         shortest = max(0.0, reading.earliest - before.latest)
         moved, most = reading.angle - before.angle, self._jump + self._fastest * longest
@@ -65,9 +70,13 @@ class EncoderWatch:
             unsure = 0.5 * (longest - shortest) * faster
             most = self._jump + unsure + 0.25 * self._acceleration * longest * longest
         if abs(moved) <= most:
-            return None
+            return self._jumped
+        self._shift += moved
+        self._doubt += most
         seen = f"by {moved:+.4f} rad within {1e3 * longest:.1f} ms, at most {most:.4f} rad is possible"
-        return DriveFinding(DriveTrouble.ENCODER_JUMPED, seen)
+        found = DriveFinding(DriveTrouble.ENCODER_JUMPED, f"{seen}; until it jumps back, or its zero is found again")
+        self._jumped = found if abs(self._shift) > self._doubt else None
+        return found
 
 
 class TorqueWatch:

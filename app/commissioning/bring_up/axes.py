@@ -19,10 +19,10 @@ from app.commissioning.bring_up.axis_judgement import (
     judge_fall,
     judge_floating,
     judge_standing,
-    judge_torques,
+    judge_torque,
     judge_zero,
     standing_axes,
-    torque_gains,
+    torque_gain,
 )
 from app.commissioning.bring_up.openings import (
     OPENING_TIME,
@@ -107,12 +107,7 @@ def _try_all(watched: WatchedBus, model: DeltaModel, table: TableSettings, progr
     found += judge_fall(fall, _velocity_error(opening), expected)
     if not _good(found):
         return found
-    torques = np.maximum(SUPPORT * np.abs(expected.gravity), LEAST_SUPPORT) * np.sign(expected.gravity)
-    falls = np.array([accelerations(watched.open_briefly(np.diag(torques)[axis])) for axis in range(3)])
-    found += judge_torques(torque_gains(falls, fall, torques, expected))
-    if _good(found):
-        found.append(judge_floating(accelerations(watched.open_briefly(expected.gravity)), expected))
-    return found
+    return found + _try_torques(watched, fall, expected)
 
 
 def _good(found: list[Finding]) -> bool:
@@ -141,6 +136,22 @@ def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) 
         torque[axis] = max(SUPPORT * abs(expected.gravity[axis]), LEAST_SUPPORT)
         up, down = (accelerations(watched.open_briefly(sign * torque)) for sign in (-1.0, 1.0))
         found.append(judge_standing(axis, coupling_of(axis, up, down, float(torque[axis]), expected)))
+    return found
+
+
+def _try_torques(watched: WatchedBus, fall: FloatArray, expected: Expected) -> list[Finding]:
+    """One axis after the other, then all against their gravity; the first that is wrong ends it, before the arm drops
+    any further. ``fall`` is the free one, (3,) [rad/s²].
+    """
+    torques = np.maximum(SUPPORT * np.abs(expected.gravity), LEAST_SUPPORT) * np.sign(expected.gravity)
+    found: list[Finding] = []
+    for axis in range(3):
+        alone = np.where(np.arange(3) == axis, torques, 0.0)
+        pulled = accelerations(watched.open_briefly(alone))
+        found.append(judge_torque(axis, torque_gain(axis, pulled, fall, float(torques[axis]), expected)))
+        if not _good(found):
+            return found
+    found.append(judge_floating(accelerations(watched.open_briefly(expected.gravity)), expected))
     return found
 
 

@@ -141,51 +141,48 @@ def coupling_of(axis: int, up: FloatArray, down: FloatArray, torque: float, expe
     return float(measured.sum() / np.abs(answered).sum())
 
 
-def torque_gains(falls: FloatArray, free: FloatArray, torques: FloatArray, expected: Expected) -> FloatArray:
-    """K of ``u_acting = K u_asked``, (3, 3); the identity where all is right.
+def torque_gain(axis: int, fall: FloatArray, free: FloatArray, torque: float, expected: Expected) -> FloatArray:
+    """Column ``axis`` of K in ``u_acting = K u_asked``, (3,); a column of the identity where all is right.
 
     Args:
-        falls: accelerations under a torque on one axis each, a row each, (3, 3) [rad/s²].
+        axis: 0 to 2.
+        fall: accelerations under a torque on this axis, (3,) [rad/s²].
         free: without any torque, (3,) [rad/s²].
-        torques: asked of axis i in row i, (3,) [N m].
+        torque: asked of it [N m].
         expected: by the model.
     """
-    return np.asarray((expected.inertia @ (falls - free).T) / torques, dtype=np.float64)
+    return np.asarray(expected.inertia @ (fall - free) / torque, dtype=np.float64)
 
 
-def judge_torques(gains: FloatArray) -> list[Finding]:
-    """Motors: which axis a torque reaches, with which sign, and how strongly; gains as of ``torque_gains``."""
-    found: list[Finding] = []
-    for axis in range(3):
-        judge = Judge(f"axis {axis + 1}")
-        reached = int(np.abs(gains[:, axis]).argmax())
-        gain = float(gains[reached, axis])
-        said = f"{gain:.2f} of the torque asked for"
-        if abs(gain) < 0.2:
-            judge.wrong(
-                "torque",
-                f"{said} reaches it",
-                f"the motor has no power: see to the cable and the fuses of axis {axis + 1}",
-            )
-        elif reached != axis:
-            judge.wrong(
-                "cables", f"a torque on axis {axis + 1} moves encoder {reached + 1}",
-                f"the cables of axes {axis + 1} and {reached + 1} are exchanged, of the motors or of the encoders",
-            )  # fmt: skip
-        elif gain < 0.0:
-            judge.wrong(
-                "torque", f"{said}: it pulls the wrong way",
-                f"turn the torque's sign in drive {axis + 1}: its angle already counts as it should",
-            )  # fmt: skip
-        elif not GAIN[0] <= gain <= GAIN[1]:
-            judge.wrong(
-                "torque", f"{said}, {GAIN[0]:g} to {GAIN[1]:g} are allowed",
-                f"see to the torque constant, or the rated torque, of joint {axis + 1}, and to its ratio",
-            )  # fmt: skip
-        else:
-            judge.good("torque", said)
-        found += judge.findings
-    return found
+def judge_torque(axis: int, gains: FloatArray) -> Finding:
+    """A motor: which axis its torque reaches, with which sign, and how strongly; gains as of ``torque_gain``."""
+    judge = Judge(f"axis {axis + 1}")
+    reached = int(np.abs(gains).argmax())
+    gain = float(gains[reached])
+    said = f"{gain:.2f} of the torque asked for"
+    if abs(gain) < 0.2:
+        judge.wrong(
+            "torque", f"{said} reaches it",
+            f"the motor has no power: see to the cable and the fuses of axis {axis + 1}",
+        )  # fmt: skip
+    elif reached != axis:
+        judge.wrong(
+            "cables", f"a torque on axis {axis + 1} moves encoder {reached + 1}",
+            f"the cables of axes {axis + 1} and {reached + 1} are exchanged, of the motors or of the encoders",
+        )  # fmt: skip
+    elif gain < 0.0:
+        judge.wrong(
+            "torque", f"{said}: it pulls the wrong way",
+            f"turn the torque's sign in drive {axis + 1}: its angle already counts as it should",
+        )  # fmt: skip
+    elif not GAIN[0] <= gain <= GAIN[1]:
+        judge.wrong(
+            "torque", f"{said}, {GAIN[0]:g} to {GAIN[1]:g} are allowed",
+            f"see to the torque constant, or the rated torque, of joint {axis + 1}, and to its ratio",
+        )  # fmt: skip
+    else:
+        judge.good("torque", said)
+    return judge.findings[0]
 
 
 def judge_floating(left: FloatArray, expected: Expected) -> Finding:

@@ -7,8 +7,9 @@ Each tick of each servomotor is an equation, linear in what is looked for,
 with p pole pairs: ripple is torque that the drive adds to what was asked. The dead time τ is that of the drives against
 their encoders; left out, it would pass for viscous friction. Left and right side pass the same filter and
 are thinned out; ticks in which the shaft turns slowly say nothing of dry friction and are left out. Each servomotor
-counts by how well its equations are met. What is left over is not white, so bands are as wide as its own correlation
-in time makes them. What the data cannot tell to a tenth is taken as believed, and the rest found again.
+counts by how well its equations are met. What is left over is neither white nor equally large all the time, so bands
+are those of a jackknife: how far the figures change where a stretch of the motion is left out. What the data cannot
+tell to a tenth is taken as believed, and the rest found again.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ TOLD: Final = 0.10
 """Half of the 95 % band, as a share of the value: what is known no better is not told by the data."""
 LEAST_FRICTION: Final = 0.002
 """A friction that is known to this is told, however small it is [N m at 1 rad/s]."""
-_TWO_SIGMA: Final = 1.96
+STRETCHES: Final = 48
+"""Parts of the motion that are left out one by one for the bands: half a second each, ten times as long as the filter
+remembers (Efron and Tibshirani, An Introduction to the Bootstrap, chapter 11)."""
+_TWO_SIGMA: Final = 2.01  # of Student's t with so many parts
 FRICTION_NAMES: Final = ("viscous1", "viscous2", "viscous3", "coulomb1", "coulomb2", "coulomb3")
 _DELAY: Final = len(NAMES) + 6
 _FIRST_WAVE: Final = _DELAY + 1
@@ -187,12 +191,15 @@ class _System:
             solution = fixed.copy()
             solution[used] = found / scale
             weights = 1.0 / np.maximum(self.residual(solution), 1e-6)
-        inverse = np.linalg.inv((left / scale).T @ (left / scale)) / np.outer(scale, scale)
-        rest = [self.unexplained(solution, i)[self.counts[i]] * weights[i] for i in range(3)]
-        widened = np.mean([_correlation_time(one) for one in rest])
         deviation = np.full(size, np.inf)
-        deviation[used] = np.sqrt(np.diag(inverse) * widened)
+        deviation[used] = _jackknife(left / scale, right, self._stretches(), found) / scale
         return solution, deviation
+
+    def _stretches(self) -> NDArray[np.intp]:
+        """To which stretch of the motion each equation that counts belongs, servomotor after servomotor."""
+        count = self.counts.shape[1]
+        of_time = np.arange(count) * STRETCHES // count
+        return np.concatenate([of_time[one] for one in self.counts])
 
     def unexplained(self, solution: FloatArray, i: int) -> FloatArray:
         rest: FloatArray = self.right[i] - self.columns[i] @ solution
@@ -211,18 +218,23 @@ class _System:
         return float(values[0] / values[-1]), tuple(int(one) for one in order)
 
 
-def _correlation_time(rest: FloatArray) -> float:
-    """By how much the variance of a mean of such a series exceeds that of a white one of the same size; at least 1."""
-    centred = rest - rest.mean()
-    size = len(centred)
-    spectrum = np.abs(np.fft.rfft(centred, 2 * size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: min(size // 4, 400)]
-    if correlation[0] <= 0.0:
-        return 1.0
-    correlation = correlation / correlation[0]
-    below = np.flatnonzero(correlation <= 0.0)
-    end = int(below[0]) if below.size else len(correlation)
-    return max(1.0, float(2.0 * correlation[:end].sum() - 1.0))
+def _jackknife(left: FloatArray, right: FloatArray, stretch: NDArray[np.intp], found: FloatArray) -> FloatArray:
+    """Standard deviations of a least squares solution, from those without one stretch of its equations each.
+
+    Args:
+        left: columns, (n, m), about as long each.
+        right: (n,).
+        stretch: to which one each equation belongs, (n,).
+        found: the solution with all of them, (m,).
+    """
+    square, product = left.T @ left, left.T @ right
+    moved = np.zeros(len(found))
+    for one in range(STRETCHES):
+        rows, values = left[stretch == one], right[stretch == one]
+        without = np.linalg.lstsq(square - rows.T @ rows, product - rows.T @ values, rcond=None)[0]
+        moved += (without - found) ** 2
+    deviation: FloatArray = np.sqrt(moved * (STRETCHES - 1) / STRETCHES)
+    return deviation
 
 
 def _result(

@@ -105,6 +105,12 @@ class Network:
             self._find()
             self._configure(parameters)
             self._start()
+        except self._soem.WkcError as error:
+            self._master.close()
+            raise HardwareError(
+                f"a device at {settings.interface} has stopped answering while it was set up: see the cables and the "
+                "devices' power, then start again"
+            ) from error
         except BaseException:
             self._master.close()
             raise

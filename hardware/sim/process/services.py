@@ -13,6 +13,8 @@ from hardware.sim.process.pacing import SpeedMeter
 
 SILENCE = 2.0
 """A controller that says nothing for so long, in wall time, is lost [s]."""
+PREPARING: Final = 20.0
+"""Until its first command it may take so long, while it prepares itself and the brakes hold [s, wall]."""
 NEVER: Final = 1 << 62
 """A tick that does not come."""
 
@@ -40,14 +42,14 @@ class DriveService(Service):
         """See ``Service``."""
         if self.taken or self.controller is not None:
             raise Refused("another controller holds the drives: there can be only one")
-        self.controller, self._patience = visitor, SILENCE
+        self.controller, self._patience = visitor, PREPARING
         self._receiver = wire.Receiver(visitor.link)
         self.excuse()
         return self._facts
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``. Whoever sends anything but commands cannot be trusted with the drives."""
-        self._heard = time.monotonic()
+        self._heard, self._patience = time.monotonic(), SILENCE
         if message == wire.GOODBYE:
             self.goodbye = True
             return

@@ -84,6 +84,27 @@ def test_a_velocity_that_jumps_along_hides_no_jump() -> None:
     assert watch.see(EncoderReading(0.5, 1000.0, TICK, TICK)) is not None
 
 
+@given(
+    jump=st.floats(0.02, 3.0).flatmap(lambda size: st.sampled_from([size, -size])),
+    velocity=st.floats(-5.0, 5.0),
+    later=st.integers(1, 30),
+)
+def test_an_encoder_that_jumped_stays_wrong_until_it_has_jumped_back(jump: float, velocity: float, later: int) -> None:
+    watch = encoder()
+
+    def see(tick: int, shift: float) -> bool:
+        read = EncoderReading(velocity * tick * TICK + shift, velocity, tick * TICK, tick * TICK + 0.0002)
+        return watch.see(read) is not None
+
+    assert not see(0, 0.0)
+    for tick in range(1, 1 + later):
+        assert see(tick, jump)
+    watch.begin_anew()
+    assert see(1 + later, jump)
+    assert see(2 + later, 0.0)  # back, which is a jump, too
+    assert not see(3 + later, 0.0)
+
+
 def test_what_was_read_before_a_pause_does_not_count() -> None:
     watch = encoder()
     watch.see(EncoderReading(0.0, 0.0, 0.0, 0.0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.commissioning.bring_up.axes import try_axes
-from app.commissioning.bring_up.axis_judgement import Expected, coupling_of, judge_torques, judge_zero, torque_gains
+from app.commissioning.bring_up.axis_judgement import Expected, coupling_of, judge_torque, judge_zero, torque_gain
 from app.commissioning.bring_up.openings import OPENING_WAY, TOTAL_WAY, BrakeOpening, WatchedBus, accelerations
 from app.commissioning.check_drives import check_bus
 from app.commissioning.check_report import CheckState, Finding
@@ -235,11 +235,11 @@ def expected() -> Expected:
 def test_gains_are_those_that_were_there() -> None:
     model, asked = expected(), np.array([-0.6, -0.5, -0.4])
     gains = np.array([[0.0, 1.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    falls = model.fall + np.array([np.linalg.solve(model.inertia, gains[:, axis] * asked[axis]) for axis in range(3)])
-    found = torque_gains(falls, model.fall, asked, model)
-    np.testing.assert_allclose(found, gains, atol=1e-9)
-    said = judge_torques(found)
-    assert [one.what for one in said if one.state is CheckState.WRONG] == ["cables", "cables"]
+    for axis, what in enumerate(("cables", "cables", "torque")):
+        fall = model.fall + np.linalg.solve(model.inertia, gains[:, axis] * asked[axis])
+        found = torque_gain(axis, fall, model.fall, asked[axis], model)
+        np.testing.assert_allclose(found, gains[:, axis], atol=1e-9)
+        assert judge_torque(axis, found).what == what
 
 
 def test_the_free_shaft_of_a_dead_encoder_is_felt_by_the_others() -> None:

@@ -58,7 +58,7 @@ FAULTS = {
     "hot": Planted("temperature", 91.0, DriveTrouble.TOO_HOT, "91 °C, at most 85 °C"),
     "sagged": Planted("voltage", 11.0, DriveTrouble.UNDER_VOLTAGE, "11.0 V, at least 12.0 V"),
     "surge": Planted("voltage", 46.0, DriveTrouble.OVER_VOLTAGE, "46.0 V, at most 44.0 V"),
-    "jump": Planted("encoder_jump", 0.008, DriveTrouble.ENCODER_JUMPED, "0.0503 rad", gripper=False, lasting=False),
+    "jump": Planted("encoder_jump", 0.008, DriveTrouble.ENCODER_JUMPED, "0.0503 rad", gripper=False),
     "weak": Planted("torque_share", 0.0, DriveTrouble.TORQUE_NOT_FOLLOWED, "0.50 N m", gripper=False, lasting=False),
     "driver": Planted("code", 33, DriveTrouble.FAULT_CODE, "code 33: motor driver fault", lasting=False),
     "overheated": Planted("code", 38, DriveTrouble.TOO_HOT, "code 38: over temperature", lasting=False),

@@ -31,6 +31,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.pacing import CATCH_UP, Pacer
 from hardware.sim.process.server import world_of
+from hardware.sim.process.services import SILENCE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.table import PieceSpec, TableSettings, square_place
@@ -401,6 +402,13 @@ def test_who_sends_no_command_loses_the_drives(world: WorldProcess) -> None:
     assert "the controller is dismissed: a servo command has 33 bytes, this message 14" in world.log
     with Controller(world.run_dir) as controller:
         controller.settle()
+
+
+def test_a_controller_may_take_its_time_until_its_first_command(world: WorldProcess) -> None:
+    bus = SimServoBus(world.run_dir)
+    time.sleep(1.2 * SILENCE)  # a large program's garbage is collected, say, on a busy machine
+    assert bus.exchange(BRAKED).status & DriveStatus.BRAKED
+    leave(bus)
 
 
 # ----------------------------------------------------------------------------------------------- life and death
