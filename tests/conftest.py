@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -29,6 +30,13 @@ hypothesis.settings.register_profile(
     "nightly", hypothesis.settings.get_profile("ci"), derandomize=False, max_examples=300, print_blob=True
 )
 hypothesis.settings.load_profile("ci")
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests are not looked at by each collection of garbage, of which a controller makes one as it starts:
+    in a process as large as this it takes a second."""
+    gc.collect()
+    gc.freeze()
 
 
 class Run:

@@ -18,6 +18,7 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.realtime import set_up_real_time
 from controller.model.constants import DeltaModel
 from controller.settings import ControllerSettings
+from hardware.drives.faults import status_words
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -25,7 +26,7 @@ from hardware.table import TableSettings
 DURATION: Final = 1.0  # how long the drives are listened to [s of plant time]
 SETTLING: Final = 0.5  # before that, as a share of it
 PERIOD_TOLERANCE: Final = 0.02  # of the tick's length
-LOST_TICKS: Final = 0.01  # share of ticks that may go by without an exchange, on a PC that does other things as well
+LOST_TICKS: Final = 0.05  # share of ticks that may go by without an exchange: one pause of a PC that does much else
 STILL: Final = 0.01  # closed brakes hold the servomotors below this [rad/s]
 _WINDOW: Final = 20  # ticks over whose mean velocities count: an encoder that flickers does not move
 NOISE_COUNTS: Final = 4.0  # standard deviation of an encoder at rest [counts]
@@ -134,9 +135,9 @@ def _judge_time(drives: Judge, bus: ServoBus, heard: Heard) -> None:
 
 def _judge_status(drives: Judge, heard: Heard) -> None:
     status = heard.status
-    said = (status.name or "OK").replace("|", ", ").lower()
+    on_brakes = bool(status & DriveStatus.BRAKED) and not status & (DriveStatus.FAULT | DriveStatus.ENABLED)
     drives.judge(
-        "status", said, bool(status & DriveStatus.BRAKED) and not status & (DriveStatus.FAULT | DriveStatus.ENABLED),
+        "status", status_words(status), on_brakes,
         "read the fault on the amplifiers' displays; not enabled they must stand on their brakes",
     )  # fmt: skip
 
@@ -212,6 +213,10 @@ def _switch(bus: ServoBus, command: Command, *, on: bool) -> Measurement:
 
 def _bites(bus: ServoBus, silence: float) -> bool:
     """Whether amplifiers that are on, brakes closed, switch off after so long a silence [s]; they are off then."""
+    for exchange in range(round(_SWITCHING / bus.period)):  # what bit before has to be over
+        said = bus.exchange(_REST)
+        if exchange >= _LEAST_EXCHANGES and not said.status & (DriveStatus.WATCHDOG | DriveStatus.FAULT):
+            break
     _switch(bus, _POWERED, on=True)
     time.sleep(silence)
     after = bus.exchange(_POWERED)
@@ -235,7 +240,7 @@ def _judge_disable(drives: Judge, bus: ServoBus) -> None:
     _switch(bus, _POWERED, on=True)
     off = _switch(bus, _REST, on=False)
     drives.judge(
-        "switching off", (off.status.name or "OK").replace("|", ", ").lower(),
+        "switching off", status_words(off.status),
         bool(off.status & DriveStatus.BRAKED) and not off.status & DriveStatus.ENABLED,
         "a drive that is disabled must close its brake: see to the brakes' relay",
     )  # fmt: skip

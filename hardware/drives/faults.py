@@ -3,10 +3,23 @@
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from hardware.interfaces import DriveStatus, DriveTrouble, status_of
+from hardware.interfaces import DriveStatus, DriveTrouble, fault_of, status_of
 
 DEVICES: Final = ("the bus", "servomotor 1", "servomotor 2", "servomotor 3", "the gripper", "the force sensors")
 """What a fault can be of, by number."""
+
+
+_FLAGS: Final = (1 << 7) - 1
+"""Of a status word, below the number of a device."""
+
+
+def status_words(status: int) -> str:
+    """What a status word says, for people."""
+    said = (DriveStatus(status & _FLAGS).name or "OK").replace("|", ", ").lower()
+    if not status & DriveStatus.FAULT:
+        return said
+    device, trouble = fault_of(status)
+    return f"{said}: {DEVICES[device]} {trouble.words}"
 
 
 class DriveFinding(NamedTuple):

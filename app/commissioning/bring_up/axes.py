@@ -1,7 +1,8 @@
 """Step ``axes``: each encoder, motor and brake alone, by openings of the brakes for some milliseconds.
 
 In this order, and each only if the one before it held: closed brakes bear a torque; the arm falls freely for 3 mrad;
-each axis is held against most of its gravity meanwhile; all are; and the tool is where the encoders say.
+all axes are held against some of their gravity meanwhile, each alone against most of it, all against all of it; and the
+tool is where the encoders say.
 """
 
 from __future__ import annotations
@@ -10,19 +11,22 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from app.commissioning.bring_up.axis_judgement import (
     Expected,
     coupling_of,
     judge_all_standing,
+    judge_bite,
     judge_brake,
     judge_fall,
     judge_floating,
     judge_standing,
+    judge_together,
     judge_torque,
     judge_zero,
+    most_doubtful,
     standing_axes,
-    torque_gain,
 )
 from app.commissioning.bring_up.openings import (
     OPENING_TIME,
@@ -49,6 +53,10 @@ LARGEST_GRAVITY: Final = 1.76
 SUPPORT: Final = 0.6
 """Share of its gravity against which an axis is held: less than all, so that it falls under either and friction cancels
 out."""
+SUPPORTS: Final = (0.4, 0.6, 0.8)
+"""The same of all axes at once: of other sizes, so that exchanged ones show, and are looked at first."""
+ROUNDS: Final = 2
+"""Openings each way by which a standing axis is judged: what the others feel of it is little."""
 LEAST_SUPPORT: Final = 0.3
 """[N m]: well above friction and cogging."""
 ZERO_TOLERANCE: Final = 0.026
@@ -97,7 +105,7 @@ def _try_all(watched: WatchedBus, model: DeltaModel, table: TableSettings, progr
     found = _try_brakes(watched)
     if not _good(found):
         return found
-    progress("opening the brakes for some milliseconds, five times: the tool drops by a millimetre each time")
+    progress("opening the brakes for some milliseconds, six times: the tool drops by a millimetre each time")
     opening = watched.open_briefly(np.zeros(3))
     fall = accelerations(opening)
     count = 2.0 * np.pi / 2.0**model.parameters.drive.encoder_bits
@@ -107,7 +115,8 @@ def _try_all(watched: WatchedBus, model: DeltaModel, table: TableSettings, progr
     found += judge_fall(fall, _velocity_error(opening), expected)
     if not _good(found):
         return found
-    return found + _try_torques(watched, fall, expected)
+    found += _try_torques(watched, model, fall, expected)
+    return found + (judge_bite(opening.stopping, opening.velocity[-1]) if _good(found) else [])
 
 
 def _good(found: list[Finding]) -> bool:
@@ -134,25 +143,45 @@ def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) 
     for axis in standing:
         torque = np.zeros(3)
         torque[axis] = max(SUPPORT * abs(expected.gravity[axis]), LEAST_SUPPORT)
-        up, down = (accelerations(watched.open_briefly(sign * torque)) for sign in (-1.0, 1.0))
+        up, down = (
+            np.mean([accelerations(watched.open_briefly(sign * torque)) for _ in range(ROUNDS)], axis=0)
+            for sign in (-1.0, 1.0)
+        )
         found.append(judge_standing(axis, coupling_of(axis, up, down, float(torque[axis]), expected)))
     return found
 
 
-def _try_torques(watched: WatchedBus, fall: FloatArray, expected: Expected) -> list[Finding]:
-    """One axis after the other, then all against their gravity; the first that is wrong ends it, before the arm drops
-    any further. ``fall`` is the free one, (3,) [rad/s²].
+def _try_torques(watched: WatchedBus, model: DeltaModel, fall: FloatArray, first: Expected) -> list[Finding]:
+    """All axes at once, one after the other, then all against their gravity; the first that is wrong ends it, before
+    the arm drops any further. ``fall`` is the free one where ``first`` was expected, (3,) [rad/s²].
     """
-    torques = np.maximum(SUPPORT * np.abs(expected.gravity), LEAST_SUPPORT) * np.sign(expected.gravity)
-    found: list[Finding] = []
-    for axis in range(3):
-        alone = np.where(np.arange(3) == axis, torques, 0.0)
-        pulled = accelerations(watched.open_briefly(alone))
-        found.append(judge_torque(axis, torque_gain(axis, pulled, fall, float(torques[axis]), expected)))
+    acting, asked = _pull(watched, model, SUPPORTS, fall, first)
+    found = judge_together(acting, asked)
+    if found:
+        return found
+    for axis in most_doubtful(acting, asked):
+        acting, asked = _pull(watched, model, np.where(np.arange(3) == axis, SUPPORT, 0.0), fall, first)
+        found.append(judge_torque(axis, acting / asked[axis]))
         if not _good(found):
             return found
-    found.append(judge_floating(accelerations(watched.open_briefly(expected.gravity)), expected))
+    here = Expected.at(model, watched.angle) or first
+    found.append(judge_floating(accelerations(watched.open_briefly(here.gravity)), here))
     return found
+
+
+def _pull(
+    watched: WatchedBus, model: DeltaModel, shares: ArrayLike, fall: FloatArray, first: Expected
+) -> tuple[FloatArray, FloatArray]:
+    """Torques that acted on the shafts, and that were asked for: shares of each axis' gravity; (3,) [N m].
+
+    The arm has dropped since ``first``: it falls freely here as much quicker or slower as the model says.
+    """
+    here, shares = Expected.at(model, watched.angle) or first, np.asarray(shares)
+    asked = np.where(shares > 0.0, np.maximum(shares * np.abs(here.gravity), LEAST_SUPPORT), 0.0) * np.sign(
+        here.gravity
+    )
+    free = fall * here.fall / first.fall
+    return here.inertia @ (accelerations(watched.open_briefly(asked)) - free), asked
 
 
 def _velocity_error(opening: BrakeOpening) -> FloatArray:

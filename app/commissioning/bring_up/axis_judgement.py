@@ -25,10 +25,19 @@ SCALE: Final = (0.7, 1.4)
 bit of the encoder by a factor of two."""
 GAIN: Final = (0.66, 1.5)
 """Torques: share of the expected. Masses and inertias of 20 % are in it; a wrong constant is a factor of two."""
+SWAPS: Final = ((1, 0, 2), (0, 2, 1), (2, 1, 0))
+"""Orders in which two of three axes have changed places."""
+BACKWARDS: Final = 0.2
+"""A torque that acts the other way by more than this share of it has the wrong sign."""
+STOPPING: Final = 3e-3
+"""A brake that stops its shaft within the way of so long is good [s], however well the others do."""
+UNEVEN: Final = 2.2
+"""Else it may take so many times as long as the others; one of 8 N m that is left with 2 takes three times as long."""
 FLOATS: Final = 0.5
 """Share of the free fall that gravity compensation may leave: masses of 20 % leave 0.2, a missing torque 1."""
-COUPLED: Final = 0.3
-"""Share of the expected coupling with which a shaft counts as free, though its own encoder stands."""
+COUPLED: Final = 0.5
+"""Share of the expected coupling from which on a shaft counts as free, though its own encoder stands: one that is stuck
+shows none, but for what a bus measures wrongly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,32 +82,38 @@ def standing_axes(turned: FloatArray, count: float) -> list[int]:
 def judge_fall(fall: FloatArray, velocity: FloatArray, expected: Expected) -> list[Finding]:
     """Encoders: whether they count downwards, and as far as the servomotors fall.
 
+    An encoder that counts wrongly has the arm believed in another pose, in which all axes fall otherwise: so a wrong
+    sign is told before any scale is judged, and of several scales the one that is farthest off.
+
     Args:
         fall: measured accelerations, (3,) [rad/s²].
         velocity: as the drives say it, less the change of their own angles over the last ticks, as a share of it, (3,).
         expected: by the model.
     """
-    found: list[Finding] = []
-    for axis in range(3):
-        judge, share = Judge(f"axis {axis + 1}"), float(fall[axis] / expected.fall[axis])
-        said = f"falls at {fall[axis]:.0f} rad/s², {expected.fall[axis]:.0f} expected"
-        if share < 0.0:
-            advice = f"the encoder counts upwards: change the sign of joint {axis + 1} in [drives], or its direction"
-            judge.wrong("encoder", said, advice)
-        elif not SCALE[0] <= share <= SCALE[1]:
-            judge.wrong(
-                "encoder", f"{said}: it reads {share:.2f} of the motion",
-                f"see to the ratio of joint {axis + 1} and its encoder_bits: a bit is a factor of two",
-            )  # fmt: skip
-        elif abs(velocity[axis]) > 0.5:
+    share = fall / expected.fall
+    said = [f"falls at {a:.0f} rad/s², {b:.0f} expected" for a, b in zip(fall, expected.fall, strict=True)]
+    judges = [Judge(f"axis {axis + 1}") for axis in range(3)]
+    for axis in np.flatnonzero(share < 0.0).tolist():
+        advice = f"the encoder counts upwards: change the sign of joint {axis + 1} in [drives], or its direction"
+        judges[axis].wrong("encoder", said[axis], advice)
+    if (share < 0.0).any():
+        return [finding for judge in judges for finding in judge.findings]
+    farthest = int(np.abs(np.log(np.maximum(share, 1e-6))).argmax())
+    if not SCALE[0] <= share[farthest] <= SCALE[1]:
+        judges[farthest].wrong(
+            "encoder", f"{said[farthest]}: it reads {share[farthest]:.2f} of the motion",
+            f"see to the ratio of joint {farthest + 1} and its encoder_bits: a bit is a factor of two",
+        )  # fmt: skip
+        return judges[farthest].findings
+    for axis, judge in enumerate(judges):
+        if abs(velocity[axis]) > 0.5:
             judge.wrong(
                 "velocity", f"the drive tells {1.0 + velocity[axis]:.2f} of the rate at which its angle changes",
                 f"see to the velocity's scale and sign in drive {axis + 1}",
             )  # fmt: skip
         else:
-            judge.good("encoder", said)
-        found += judge.findings
-    return found
+            judge.good("encoder", said[axis])
+    return [finding for judge in judges for finding in judge.findings]
 
 
 def judge_standing(axis: int, coupling: float) -> Finding:
@@ -136,26 +151,15 @@ def coupling_of(axis: int, up: FloatArray, down: FloatArray, torque: float, expe
     ``up`` and ``down`` are accelerations under the torque against and with its gravity, (3,) [rad/s²].
     """
     others = [other for other in range(3) if other != axis]
-    answered = np.linalg.inv(expected.inertia)[others, axis] * 2.0 * torque
-    measured = np.abs(up - down)[others]
-    return float(measured.sum() / np.abs(answered).sum())
-
-
-def torque_gain(axis: int, fall: FloatArray, free: FloatArray, torque: float, expected: Expected) -> FloatArray:
-    """Column ``axis`` of K in ``u_acting = K u_asked``, (3,); a column of the identity where all is right.
-
-    Args:
-        axis: 0 to 2.
-        fall: accelerations under a torque on this axis, (3,) [rad/s²].
-        free: without any torque, (3,) [rad/s²].
-        torque: asked of it [N m].
-        expected: by the model.
-    """
-    return np.asarray(expected.inertia @ (fall - free) / torque, dtype=np.float64)
+    answer = np.linalg.inv(expected.inertia)[others, axis] * 2.0 * torque
+    return float((down - up)[others] @ answer / (answer @ answer))
 
 
 def judge_torque(axis: int, gains: FloatArray) -> Finding:
-    """A motor: which axis its torque reaches, with which sign, and how strongly; gains as of ``torque_gain``."""
+    """A motor: which axis its torque reaches, with which sign, and how strongly.
+
+    ``gains``: torques that acted on the shafts, as shares of what was asked of this axis alone, (3,).
+    """
     judge = Judge(f"axis {axis + 1}")
     reached = int(np.abs(gains).argmax())
     gain = float(gains[reached])
@@ -166,9 +170,10 @@ def judge_torque(axis: int, gains: FloatArray) -> Finding:
             f"the motor has no power: see to the cable and the fuses of axis {axis + 1}",
         )  # fmt: skip
     elif reached != axis:
+        one, other = sorted((axis + 1, reached + 1))
         judge.wrong(
             "cables", f"a torque on axis {axis + 1} moves encoder {reached + 1}",
-            f"the cables of axes {axis + 1} and {reached + 1} are exchanged, of the motors or of the encoders",
+            f"the cables of axes {one} and {other} are exchanged, of the motors or of the encoders",
         )  # fmt: skip
     elif gain < 0.0:
         judge.wrong(
@@ -183,6 +188,44 @@ def judge_torque(axis: int, gains: FloatArray) -> Finding:
     else:
         judge.good("torque", said)
     return judge.findings[0]
+
+
+def judge_together(acting: FloatArray, asked: FloatArray) -> list[Finding]:
+    """Signs, of torques on all axes at once, both (3,) [N m]: nothing but what is wrong.
+
+    It needs one opening of the brakes, where an axis after the other would need three: a motor that pulls the wrong way
+    may also be what holds the arm until its brakes bite.
+    """
+    share = acting / asked
+    return [judge_torque(axis, share[axis] * np.eye(3)[axis]) for axis in range(3) if share[axis] < -BACKWARDS]
+
+
+def most_doubtful(acting: FloatArray, asked: FloatArray) -> list[int]:
+    """Axes in the order in which they are to be looked at alone: those that differ most from what they all share."""
+    share = np.log(np.maximum(acting / asked, 0.01))
+    order = np.argsort(-np.abs(share - np.median(share)), kind="stable")
+    return [int(axis) for axis in order]
+
+
+def judge_bite(stopping: FloatArray, velocity: FloatArray) -> list[Finding]:
+    """Brakes that are told to close: which is weaker than the others.
+
+    Args:
+        stopping: how far each servomotor turned on until it stood, (3,) [rad].
+        velocity: of each as they were told, (3,) [rad/s]. All of them are as slow as their relay; a weak one also takes
+            its time to stop its shaft.
+    """
+    took = stopping / np.abs(velocity)
+    found: list[Finding] = []
+    for axis in range(3):
+        judge, others = Judge(f"axis {axis + 1}"), float(np.delete(took, axis).max())
+        judge.judge(
+            "brake bites", f"its way to a stop is that of {1e3 * took[axis]:.1f} ms, the others' {1e3 * others:.1f} ms",
+            took[axis] <= max(STOPPING, UNEVEN * others),
+            f"a closed brake does not hold as the others do: see to the brake of axis {axis + 1} and its supply",
+        )  # fmt: skip
+        found += judge.findings
+    return found
 
 
 def judge_floating(left: FloatArray, expected: Expected) -> Finding:
@@ -204,7 +247,7 @@ def judge_zero(angle: FloatArray, measured: FloatArray, tolerance: float) -> lis
         measured: as they would be with the tool where a person measured it, (3,) [rad].
         tolerance: what the person's measuring leaves open [rad].
     """
-    for order in ((1, 0, 2), (0, 2, 1), (2, 1, 0)):
+    for order in SWAPS:
         off = np.abs(measured[list(order)] - angle).max()
         if off <= tolerance and np.abs(measured - angle).max() > tolerance:
             judge = Judge("arm")

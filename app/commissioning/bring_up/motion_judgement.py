@@ -17,7 +17,7 @@ from hardware.parameters import RobotParameters
 
 HELD_ERROR: Final = 1.5e-3
 """Of the tool at rest from where it should be [m]; 20 % of the masses make 0.4 mm."""
-TORQUE_SHARE: Final = 0.9
+TORQUE_SHARE: Final = 1.0
 """Of the rated torque, which holding may take at the workspace's edge."""
 ASSUMED: Final = 0.35
 """Share of the largest torque of gravity by which the held torques may differ from the model's, with masses that nobody

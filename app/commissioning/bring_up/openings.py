@@ -12,16 +12,17 @@ from typing import Final
 import numpy as np
 
 from controller.model.compiled import FloatArray
+from hardware.drives.faults import status_words
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement, ServoBus, Triple
 
 OPENING_WAY: Final = 0.003
 """The brakes close as soon as a servomotor has turned so far [rad]: 0.6 mm at the tool."""
 OPENING_TIME: Final = 0.1
 """They stay open no longer, whatever the encoders say [s]; brakes of servomotors take 20 to 50 ms to open."""
-TOTAL_WAY: Final = 0.15
-"""Of a servomotor from where the step began, all openings together [rad]: 30 mm at the tool. The five openings take
-20 mrad; the rest is for brakes that are slow to bite."""
-ROOM: Final = 0.05
+TOTAL_WAY: Final = 0.25
+"""Of a servomotor from where the step began, all openings together [rad]: 50 mm at the tool. The six openings take
+25 mrad; the rest is for brakes that are slow to bite."""
+ROOM: Final = 0.07
 """So high above the board the tool has to be before the brakes open [m]."""
 SLIP: Final = 5e-4
 """Of a closed brake [rad]: a hundred times what its spring gives in simulation."""
@@ -51,6 +52,8 @@ class BrakeOpening:
     """(n, 3) [rad]; the first row is at rest."""
     velocity: FloatArray
     """As the drives say it, (n, 3) [rad/s]."""
+    stopping: FloatArray
+    """How far each servomotor turned from the last row until the arm rested, (3,) [rad]."""
 
 
 class WatchedBus:
@@ -97,6 +100,7 @@ class WatchedBus:
         return BrakeOpening(
             np.array(asked), (np.array([row.tick for row in rows], float) - rows[0].tick) * self._bus.period,
             np.array([row.angle for row in rows]), np.array([row.velocity for row in rows]),
+            np.abs(self.angle - np.array(rows[-1].angle)),
         )  # fmt: skip
 
     def pull(self, axis: int, torque: float) -> float:
@@ -154,9 +158,9 @@ class WatchedBus:
         return self._said
 
     def _watch(self) -> None:
-        if tripped := self._said.status & _TRIPS:
-            name = (tripped.name or "fault").replace("|", ", ").lower()
-            raise BringUpStopped(f"the drives switched themselves off ({name}): read their displays, then begin again")
+        if self._said.status & _TRIPS:
+            said = status_words(self._said.status)
+            raise BringUpStopped(f"the drives switched themselves off ({said}): read their displays, then begin again")
         if not self.farthest < TOTAL_WAY:
             raise BringUpStopped(
                 f"a servomotor turned by {self.farthest:.3f} rad in this step, {TOTAL_WAY:g} rad are allowed: the arm "

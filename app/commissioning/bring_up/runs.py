@@ -26,6 +26,7 @@ from app.commissioning.operate import STATUS, operate
 from app.rig.rig_file import RigFile
 from app.rig.simulation.processes import drives_of
 from controller.loop.realtime import set_up_real_time
+from controller.settings import CONTROLLER_FILE
 from hardware.interfaces import HardwareError, ServoBus
 from hardware.parameters import RobotParameters
 
@@ -83,8 +84,8 @@ def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]
 
 
 def require_free(site: CommissionSite) -> None:
-    """Raises ``UserError`` if a controller has the drives."""
-    if not site.rig.controller.key.exists():
+    """Raises ``UserError`` if a controller has the drives: on this PC, where all of this is done."""
+    if not (site.rig.run_dir / CONTROLLER_FILE).exists():
         return
     try:
         operate(STATUS, site.name)

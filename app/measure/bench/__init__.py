@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from app import UserError
 from app.measure.bench.clock import clock_bench
+from app.measure.bench.commission import commission_bench
 from app.measure.bench.drives import drives_bench
 from app.measure.bench.fallen import fallen_bench
 from app.measure.bench.finger import finger_bench
@@ -31,7 +32,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType({
     "law": law_bench, "loop": loop_bench, "finger": finger_bench, "kills": kills_bench, "motion": motion_bench,
     "sim": sim_bench, "grip": grip_bench, "fallen": fallen_bench, "recovery": recovery_bench, "people": people_bench,
     "knocks": knocks_bench, "vision": vision_bench, "clock": clock_bench, "drives": drives_bench,
-    "pictures": pictures_bench, "identify": identify_bench,
+    "pictures": pictures_bench, "identify": identify_bench, "commission": commission_bench,
 })  # fmt: skip
 """By name; each takes ``quick`` and a function that is told what is being done."""
 

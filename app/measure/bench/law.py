@@ -6,7 +6,6 @@ The same ticks must give the same torques, positions and velocities as in the su
 
 from __future__ import annotations
 
-import gc
 import os
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from controller.model.constants import COULOMB, DISTAL, VISCOUS, DeltaModel
 from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction
 from controller.model.kinematics import Triad, arm_directions, control_jacobian, elbows, tool_point_near
 from controller.model.state import blank_state
+from hardware.realtime import quiet_memory
 
 TICKS: Final = 10_000
 SEED: Final = 1
@@ -118,14 +118,10 @@ def _same(law: TaskSpaceController, tick: Tick) -> bool:
 
 def _timed(model: DeltaModel, recording: TickRecording, rounds: int) -> dict[str, Row]:
     """Rows of the calls from Python [µs]."""
-    gc.collect()  # as the server does before its loop
-    gc.freeze()
-    try:
+    with quiet_memory():  # as the server's loop has it
         tick = np.array([_tick_durations(model, recording) for _ in range(rounds)]) / 1e3
         update, torque = np.concatenate([_call_durations(model, recording) for _ in range(rounds)]).T / 1e3
         call = np.array(_calls(recording.ticks)) / 1e3
-    finally:
-        gc.unfreeze()
     tail = float(np.percentile(tick, 99.9))
     return {
         "tick": row(tick, "µs", 3.0),

@@ -205,7 +205,8 @@ class EtherCatServoBus:
 
     def _judge_silence(self, gap: float) -> None:
         """Nothing was said for longer than the watchdog waits: the drives must have braked."""
-        going_on = [device for arm, device in zip(self._arms, ARMS, strict=True) if arm.state is DriveState.ENABLED]
+        powered = (DriveState.SWITCHED_ON, DriveState.ENABLED)
+        going_on = [device for arm, device in zip(self._arms, ARMS, strict=True) if arm.state in powered]
         seen = f"{gap * 1e3:.0f} ms without a frame, limit {self._watchdog * 1e3:.0f} ms"
         if going_on and gap > 1.5 * self._watchdog:
             device = going_on[0]

@@ -123,8 +123,8 @@ class Planting:
 
     def _set_brakes(self) -> None:
         stuck = {fault.device - 1 for fault in self._active if fault.kind is PlantedKind.BRAKE_STUCK}
-        slipping = {fault.device - 1 for fault in self._active if fault.kind is PlantedKind.BRAKE_SLIPS}
-        opened, closed = ([float(i in stuck) for i in _THREE], [float(i not in slipping) for i in _THREE])
+        left = {fault.device - 1: fault.size for fault in self._active if fault.kind is PlantedKind.BRAKE_SLIPS}
+        opened, closed = [float(i in stuck) for i in _THREE], [left.get(i, 1.0) for i in _THREE]
         self._brakes((opened[0], opened[1], opened[2]), (closed[0], closed[1], closed[2]))
 
 

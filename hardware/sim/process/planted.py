@@ -35,7 +35,7 @@ class PlantedKind(StrEnum):
     BRAKE_STUCK = "brake-stuck"
     """The brake does not open."""
     BRAKE_SLIPS = "brake-slips"
-    """The brake does not hold."""
+    """The brake holds ``amount`` of its torque."""
     FORCE_DEAD = "force-dead"
     """The force sensor of pad ``device``, 1 right or 2 left, reads nothing."""
     FORCE_OFFSET = "force-offset"
@@ -63,8 +63,8 @@ ON_DEVICE: Final = frozenset({
 _AMOUNTS: Final = {
     PlantedKind.EXCHANGED: 2.0, PlantedKind.ENCODERS_EXCHANGED: 2.0, PlantedKind.ZERO: math.radians(5.0),
     PlantedKind.ENCODER_JUMP: 0.05, PlantedKind.ENCODER_SCALE: 0.5, PlantedKind.TORQUE_SCALE: 0.5,
-    PlantedKind.NOT_FOLLOWED: 0.0, PlantedKind.FORCE_OFFSET: 2.0, PlantedKind.LOST_FRAMES: 20.0,
-    PlantedKind.CORRUPT_FRAMES: 20.0,
+    PlantedKind.NOT_FOLLOWED: 0.0, PlantedKind.BRAKE_SLIPS: 0.0, PlantedKind.FORCE_OFFSET: 2.0,
+    PlantedKind.LOST_FRAMES: 20.0, PlantedKind.CORRUPT_FRAMES: 20.0,
 }  # fmt: skip
 """Where nobody chose; other kinds have none."""
 

@@ -130,8 +130,10 @@ class EtherCatDevices:
             case PlantedKind.NOT_FOLLOWED:
                 drive.flaws.follows = amount
             case PlantedKind.TOO_HOT:
+                drive.flaws.cause = _EXCESS_TEMPERATURE
                 drive.fault(_EXCESS_TEMPERATURE)
             case PlantedKind.UNDER_VOLTAGE:
+                drive.flaws.cause = _UNDER_VOLTAGE
                 drive.fault(_UNDER_VOLTAGE)
             case PlantedKind.DROPS_OUT:
                 slave.drop(reg.SAFEOP, _SYNCHRONISATION_ERROR)
@@ -148,9 +150,12 @@ class EtherCatDevices:
 
     def mend(self, kind: PlantedKind, device: int) -> None:
         """See ``Faulty``. Drives with a fault of their own keep it until they are reset."""
+        drive = (*self.drives, self.gripper)[device - 1]
         match kind:
             case PlantedKind.NOT_FOLLOWED:
-                (*self.drives, self.gripper)[device - 1].flaws.follows = 1.0
+                drive.flaws.follows = 1.0
+            case PlantedKind.TOO_HOT | PlantedKind.UNDER_VOLTAGE:
+                drive.flaws.cause = 0
             case PlantedKind.SILENT:
                 self._reach(len(self.segment.slaves))
             case PlantedKind.LOST_FRAMES | PlantedKind.CORRUPT_FRAMES:

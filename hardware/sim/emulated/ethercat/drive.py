@@ -69,6 +69,8 @@ class PlantedFaults:
     """Faults to be planted in a drive."""
 
     follows: float = 1.0
+    cause: int = 0
+    """Code of a fault whose cause is still there, so that no reset takes it away; 0: there is none."""
     """How much of its torque the motor gives."""
     jump: float = 0.0
     """Added to the encoder's angle [rad]."""
@@ -146,7 +148,7 @@ class EmulatedDrive:
 
     def stop(self, *, watchdog: bool) -> None:
         """See ``Application``. Whoever was enabled and hears nothing more has a fault."""
-        if watchdog and self._power is not Power.DISABLED:
+        if watchdog and self._power not in (Power.DISABLED, Power.FAULT):
             self.fault(COMMUNICATION_FAULT)
         elif self._power is not Power.FAULT:
             self._power = Power.DISABLED
@@ -159,7 +161,7 @@ class EmulatedDrive:
         reset, self._control = control & ~self._control & _FAULT_RESET, control
         power = self._power
         if power is Power.FAULT:
-            if reset:
+            if reset and not self.flaws.cause:
                 self._power, self._objects[0x603F].value = Power.DISABLED, 0
             return
         if not control & 0x02:  # disable voltage

@@ -54,7 +54,7 @@ def test_an_arm_off_its_place_or_too_heavy_to_hold_is_found() -> None:
     assert wrong(judge_workspace(good, ROBOT)) == []
     assert wrong(judge_workspace([replace(good[0], error=0.002), *good[1:]], ROBOT)) == ["arm home"]
     assert wrong(judge_workspace([*good[:3], replace(good[3], error=0.002)], ROBOT)) == ["arm edges"]
-    heavy = replace(good[1], torque=np.array([0.0, 2.3, 0.0]))
+    heavy = replace(good[1], torque=np.array([0.0, 2.5, 0.0]))
     assert wrong(judge_workspace([good[0], heavy], ROBOT)) == ["arm holding torque"]
 
 

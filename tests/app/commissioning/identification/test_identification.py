@@ -60,7 +60,7 @@ def test_the_motion_stays_within_its_borders_and_begins_and_ends_at_rest() -> No
 
 def test_the_same_robot_and_limits_have_the_same_motion() -> None:
     borders = borders_of(BELIEVED, TABLE)
-    once, again = (find_excitation(BELIEVED, borders, 12.0) for _ in range(2))
+    once, again = (find_excitation(BELIEVED, borders, 6.0) for _ in range(2))
     np.testing.assert_array_equal(once.sines, again.sines)
     assert once.condition < 30.0
 
@@ -68,7 +68,7 @@ def test_the_same_robot_and_limits_have_the_same_motion() -> None:
 def test_where_nothing_fits_it_is_said() -> None:
     borders = Borders((-0.1, -0.1, 0.30), (0.1, 0.1, 0.36), 0.3, 0.5, 10.0, 0.2, 0.1)
     with pytest.raises(NoExcitation, match="give it more room"):
-        find_excitation(BELIEVED, borders, 12.0)
+        find_excitation(BELIEVED, borders, 4.0)
 
 
 def test_each_base_parameter_is_found_within_three_per_cent() -> None:
@@ -144,8 +144,26 @@ def test_of_a_flight_the_motion_counts_and_torques_act_a_tick_later() -> None:
 
 @pytest.mark.parametrize(
     ("motions", "ticks", "said"),
-    [([1, 1], [1, 2], "motion 7 is not in"), ([7, 7, 7], [1, 2, 4], "missed 1 ticks of the motion")],
+    [
+        ([1, 1], [1, 2], "motion 7 is not in"),
+        ([7] * 3, [1, 2, 4], "missed 1 ticks"),
+        ([7] * 999, [1, *range(13, 1011)], "11 of them"),
+    ],
 )
 def test_a_record_that_is_not_whole_is_refused(motions: list[int], ticks: list[int], said: str) -> None:
     with pytest.raises(NoRecord, match=said):
         of_flight(flight(motions, ticks), 7)
+
+
+def test_ticks_that_were_missed_hardly_count() -> None:
+    """One and a half of a hundred, as behind a slow serial port on a busy computer."""
+    whole, rng = record(), np.random.default_rng(3)
+    rows = np.zeros(len(whole.angle) + 1, dtype=FLIGHT.dtype)
+    rows["motion"], rows["tick"] = 7, np.arange(len(rows))
+    rows["angle"][1:], rows["torque"][:-1] = whole.angle, whole.torque
+    there = rng.random(len(rows)) > 0.015
+    part = of_flight(FlightRecord(FlightHead(whole.period, False, (), ()), rows[there]), 7)
+    assert abs(len(part.angle) - len(whole.angle)) <= 2
+    values = np.array([one.value for one in identify(part, BELIEVED, 5).estimates[:10]])
+    # these drives had not kept their torque, so more than is right is asked of them
+    assert np.abs(values / base_of(robot()) - 1.0).max() < 0.02

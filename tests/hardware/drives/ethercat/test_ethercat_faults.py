@@ -91,7 +91,7 @@ class Outcome(NamedTuple):
 def of_code(kind: str, trouble: DriveTrouble, words: str) -> Callable[[random.Random], Fault]:
     def draw(rng: random.Random) -> Fault:
         number = rng.randint(1, 4)
-        return Fault((number, trouble), words, ("device", kind, number, 0.0))
+        return Fault((number, trouble), words, ("device", kind, number, 0.0), ("mended", kind, number))
 
     return draw
 

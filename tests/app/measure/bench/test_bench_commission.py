@@ -1,0 +1,32 @@
+"""Bench ``commission``: an unknown robot goes from nothing to its first game; planted faults are told."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.commissioning.bring_up.steps import CommissionStep, StepState
+from app.measure.bench.commission import FAULTS, TOOL_LIMIT, try_fault, whole
+from app.settings.tree import Drives
+from hardware.sim.process.planted import PlantedKind
+
+
+def test_every_fault_is_expected_at_one_of_the_first_two_steps() -> None:
+    assert {one.step for one in FAULTS.values()} == {CommissionStep.DEVICES, CommissionStep.AXES}
+    assert all(set(one.devices) <= {1, 2, 3} for one in FAULTS.values())
+
+
+@pytest.mark.slow
+def test_an_unknown_robot_is_brought_up_to_its_first_game() -> None:
+    report = whole(Drives.SIM, 77, lambda _: None)
+    assert {line.step: line.state for line in report.steps} == dict.fromkeys(CommissionStep, StepState.HELD), report
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+@pytest.mark.parametrize("kind", [Drives.MOTEUS, Drives.ETHERCAT])
+def test_a_planted_fault_is_told_through_the_driver(kind: Drives) -> None:
+    fault = PlantedKind.ENCODER_SIGN
+    said: list[str] = []
+    told, moved = try_fault(kind, fault, FAULTS[fault], 77, said.append)
+    assert told, said
+    assert moved < TOOL_LIMIT
