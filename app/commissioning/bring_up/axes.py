@@ -8,7 +8,7 @@ tool is where the encoders say.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,13 +62,22 @@ LEAST_SUPPORT: Final = 0.3
 ZERO_TOLERANCE: Final = 0.026
 """Of an encoder's zero [rad], 1.5°: a tool point that a person measures to 3 mm leaves 1°."""
 
-AskTool = Callable[[FloatArray], FloatArray]
-"""Given the tool point that the encoders say, where a person measured it; both board frame, (3,) [m]."""
+
+class Onlooker(Protocol):
+    """Who sees the arm."""
+
+    def sees_room(self, believed: float, needed: float) -> bool:
+        """Whether the tool is so high above the board as is needed, whatever the encoders say; both [m]."""
+
+    def tool(self, believed: FloatArray) -> FloatArray:
+        """Given the tool point that the encoders say, where it was measured; both board frame, (3,) [m]."""
+
+
 Progress = Callable[[str], None]
 
 
 def try_axes(
-    bus: ServoBus, parameters: RobotParameters, table: TableSettings, ask_tool: AskTool, progress: Progress
+    bus: ServoBus, parameters: RobotParameters, table: TableSettings, onlooker: Onlooker, progress: Progress
 ) -> list[Finding]:
     """Try each axis of a bus that is open; the arm is left on its brakes. The last finding is how far it moved."""
     arm = Judge("arm")
@@ -76,9 +85,9 @@ def try_axes(
     found: list[Finding] = []
     try:
         watched = WatchedBus(bus)
-        found = _try_all(watched, DeltaModel(parameters), table, progress)
+        found = _try_all(watched, DeltaModel(parameters), table, onlooker, progress)
         if all(one.state is CheckState.GOOD for one in found):
-            found += _try_zero(watched.angle, DeltaModel(parameters), table, ask_tool)
+            found += _try_zero(watched.angle, DeltaModel(parameters), table, onlooker)
     except BringUpStopped as error:
         arm.wrong("stopped", str(error), "see to what it says, then do this step again")
     except BusLost as error:
@@ -88,14 +97,16 @@ def try_axes(
     return found + arm.findings
 
 
-def _try_all(watched: WatchedBus, model: DeltaModel, table: TableSettings, progress: Progress) -> list[Finding]:
+def _try_all(
+    watched: WatchedBus, model: DeltaModel, table: TableSettings, onlooker: Onlooker, progress: Progress
+) -> list[Finding]:
     expected = Expected.at(model, watched.angle)
     arm = Judge("arm")
     if expected is None:
         arm.wrong("pose", "no tool point belongs to its angles", "see to the encoders' zeros, ratios and bits")
         return arm.findings
     height = float(table.board_from_base(tool_point_at(model, watched.angle))[2])
-    if height < ROOM:
+    if height < ROOM and not onlooker.sees_room(height, ROOM):
         arm.wrong(
             "room", f"the tool is {1e3 * height:.0f} mm above the board, {1e3 * ROOM:.0f} mm are needed",
             "release the brakes by hand, lift the arm, let them bite, then begin again",
@@ -191,8 +202,8 @@ def _velocity_error(opening: BrakeOpening) -> FloatArray:
     return np.asarray(opening.velocity[-late:].mean(axis=0) / changed - 1.0, dtype=np.float64)
 
 
-def _try_zero(angle: FloatArray, model: DeltaModel, table: TableSettings, ask_tool: AskTool) -> list[Finding]:
-    measured = ask_tool(table.board_from_base(tool_point_at(model, angle)))
+def _try_zero(angle: FloatArray, model: DeltaModel, table: TableSettings, onlooker: Onlooker) -> list[Finding]:
+    measured = onlooker.tool(table.board_from_base(tool_point_at(model, angle)))
     try:
         there = posture_at(model, table.base_from_board(measured)).y
     except PoseError as error:

@@ -45,6 +45,19 @@ class Commissioner:
         """Whether they say yes, which Enter says too."""
         return self._read is None or self._read(f"{question} [Y/n] ").strip().lower() not in _NO
 
+    def sees_room(self, believed: float, needed: float) -> bool:
+        """Whether the tool is as high above the board as is needed, though the encoders say that it is not; both [m].
+
+        They may count the wrong way. It is so only where somebody has looked: a tool that was measured beforehand
+        counts, a yes to everything does not.
+        """
+        if self.answers.measured_tool is not None:
+            return 1e-3 * self.answers.measured_tool[2] >= needed
+        return self._read is not None and self.agrees(
+            f"the encoders say that the tool is {1e3 * believed:.0f} mm above the board; is it at least "
+            f"{1e3 * needed:.0f} mm in truth?"
+        )
+
     def tool(self, believed: FloatArray) -> FloatArray:
         """Where they measure the tool, board frame (3,) [m], given where the encoders say it is.
 

@@ -101,8 +101,7 @@ def _devices(site: CommissionSite) -> list[Finding]:
 
 
 def _axes(site: CommissionSite) -> list[Finding]:
-    ask = site.person.tool
-    return _on_drives(site, lambda bus: try_axes(bus, site.parameters, site.rig.table, ask, site.progress))
+    return _on_drives(site, lambda bus: try_axes(bus, site.parameters, site.rig.table, site.person, site.progress))
 
 
 # steps behind the controller

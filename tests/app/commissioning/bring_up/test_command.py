@@ -12,8 +12,6 @@ from app.cli import app
 from app.commissioning.bring_up.steps import FILE, CommissionReport, CommissionStep, StepState
 from hardware.sim.clients.wire import world_pid
 
-pytestmark = pytest.mark.real_time  # in one process with other tests it failed, alone never: found by nobody yet
-
 RIG = """
 [controller]
 port = 0

@@ -224,3 +224,20 @@ def test_the_simulated_robot_may_be_another_than_the_one_believed(lab: Path) -> 
 def test_reports_are_json(lab: Path, bench: Bench) -> None:
     content = json.loads(go(lab).model_dump_json())
     assert [one["step"] for one in content["steps"]] == [step.value for step in CommissionStep]
+
+
+@pytest.mark.parametrize(
+    ("answers", "typed", "room"),
+    [
+        (GivenAnswers(measured_tool=(0.0, -75.0, 145.0)), None, True),
+        (GivenAnswers(measured_tool=(0.0, -75.0, 45.0)), "y", False),
+        (GivenAnswers(), None, False),  # a yes to everything is nobody who has looked
+        (GivenAnswers(), "y", True),
+        (GivenAnswers(), "n", False),
+    ],
+)
+def test_room_below_the_tool_is_there_if_somebody_has_looked(
+    answers: GivenAnswers, typed: str | None, room: bool
+) -> None:
+    person = Commissioner(answers, None if typed is None else lambda _question: typed)
+    assert person.sees_room(0.03, 0.07) is room

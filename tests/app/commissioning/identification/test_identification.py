@@ -58,17 +58,24 @@ def test_the_motion_stays_within_its_borders_and_begins_and_ends_at_rest() -> No
     assert np.abs(step).max() < 2e-6  # what the controller accepts is ten times as much
 
 
+@pytest.fixture
+def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.commissioning.identification.excitation._CHANGES", 150)
+
+
+@pytest.mark.usefixtures("short_search")
 def test_the_same_robot_and_limits_have_the_same_motion() -> None:
     borders = borders_of(BELIEVED, TABLE)
-    once, again = (find_excitation(BELIEVED, borders, 6.0) for _ in range(2))
+    once, again = (find_excitation(BELIEVED, borders, 12.0) for _ in range(2))
     np.testing.assert_array_equal(once.sines, again.sines)
     assert once.condition < 30.0
 
 
+@pytest.mark.usefixtures("short_search")
 def test_where_nothing_fits_it_is_said() -> None:
     borders = Borders((-0.1, -0.1, 0.30), (0.1, 0.1, 0.36), 0.3, 0.5, 10.0, 0.2, 0.1)
     with pytest.raises(NoExcitation, match="give it more room"):
-        find_excitation(BELIEVED, borders, 4.0)
+        find_excitation(BELIEVED, borders, 12.0)
 
 
 def test_each_base_parameter_is_found_within_three_per_cent() -> None:
