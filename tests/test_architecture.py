@@ -64,6 +64,7 @@ KNOW_THE_TRUTH = {
     "app.execution.state": "has the referee among the devices",
     "app.measure.bench.vision.hand_scene": "asks when a hand came",
     "app.measure.bench.scripted_person": "plays one who sees where the pieces are",
+    "app.measure.bench.unknown.commission": "plays one who measures where the tool is",
     "app.measure.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.pieces.judging": "compares truth and game",
     "app.rig.devices": "hands the referee on to whoever may ask it",

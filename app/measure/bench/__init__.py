@@ -8,12 +8,10 @@ from types import MappingProxyType
 
 from app import UserError
 from app.measure.bench.clock import clock_bench
-from app.measure.bench.commission import commission_bench
 from app.measure.bench.drives import drives_bench
 from app.measure.bench.fallen import fallen_bench
 from app.measure.bench.finger import finger_bench
 from app.measure.bench.grip import grip_bench
-from app.measure.bench.identify import identify_bench
 from app.measure.bench.kills import kills_bench
 from app.measure.bench.law import law_bench
 from app.measure.bench.loop import loop_bench
@@ -23,6 +21,8 @@ from app.measure.bench.people import knocks_bench, people_bench
 from app.measure.bench.recovery import recovery_bench
 from app.measure.bench.report import BenchReport, Progress
 from app.measure.bench.sim import sim_bench
+from app.measure.bench.unknown.commission import commission_bench
+from app.measure.bench.unknown.identify import identify_bench
 from app.measure.bench.vision.pictures import pictures_bench
 from app.measure.bench.vision.rows import vision_bench
 

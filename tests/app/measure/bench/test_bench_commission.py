@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.commissioning.bring_up.steps import CommissionStep, StepState
-from app.measure.bench.commission import FAULTS, TOOL_LIMIT, try_fault, whole
+from app.measure.bench.unknown.commission import FAULTS, TOOL_LIMIT, try_fault, whole
 from app.settings.tree import Drives
 from hardware.sim.process.planted import PlantedKind
 

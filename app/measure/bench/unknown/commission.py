@@ -39,7 +39,7 @@ from hardware.sim.process.randomisation import Randomisation
 
 SEED: Final = 2800
 """Of the first robot."""
-ROBOTS: Final = {True: 0, False: 2}  # that go through the whole procedure on each bus, by ``quick``
+ROBOTS: Final = {True: 0, False: 1}  # that go through the whole procedure on each bus, by ``quick``
 TRIES: Final = {True: 1, False: 3}  # of each fault
 TOOL_LIMIT: Final = 0.050
 """How far the tool may come from where it was, as docs/commissioning.md states for ``TOTAL_WAY`` of a shaft [m]."""
@@ -47,7 +47,7 @@ _KINDS: Final = PlantedKind
 _THREE: Final = (1, 2, 3)
 
 
-class Expected(NamedTuple):
+class ExpectedFinding(NamedTuple):
     """What a planted fault has to be stopped by."""
 
     step: CommissionStep
@@ -58,25 +58,25 @@ class Expected(NamedTuple):
 
 
 FAULTS: Final = {
-    _KINDS.ENCODER_SIGN: Expected(CommissionStep.AXES, "change the sign of joint {device}"),
-    _KINDS.TORQUE_SIGN: Expected(CommissionStep.AXES, "torque's sign in drive {device}"),
-    _KINDS.ENCODERS_EXCHANGED: Expected(CommissionStep.AXES, "are exchanged", (1,), (2.0, 3.0)),
-    _KINDS.ZERO: Expected(CommissionStep.AXES, "to the offset of joint {device}", amounts=(0.0873, -0.0873)),
-    _KINDS.ENCODER_DEAD: Expected(CommissionStep.AXES, "at drive {device}"),
-    _KINDS.ENCODER_SCALE: Expected(CommissionStep.AXES, "see to the ratio of joint {device}", amounts=(0.5, 2.0)),
-    _KINDS.TORQUE_SCALE: Expected(CommissionStep.AXES, "of joint {device}, and to its ratio", amounts=(0.5, 2.0)),
-    _KINDS.BRAKE_STUCK: Expected(CommissionStep.AXES, "the brake of axis {device} stays closed"),
-    _KINDS.BRAKE_SLIPS: Expected(CommissionStep.AXES, "a closed brake does not hold", amounts=(0.2, 0.25)),
-    _KINDS.FORCE_DEAD: Expected(CommissionStep.DEVICES, "it is dead", (1, 2)),
-    _KINDS.FORCE_OFFSET: Expected(CommissionStep.DEVICES, "set the sensor's zero", (1, 2)),
-    _KINDS.TOO_HOT: Expected(CommissionStep.DEVICES, "servomotor {device} is too hot"),
-    _KINDS.UNDER_VOLTAGE: Expected(CommissionStep.DEVICES, "servomotor {device} has too little voltage"),
-    _KINDS.SILENT: Expected(CommissionStep.DEVICES, "answer"),
-    _KINDS.WATCHDOG_DEAD: Expected(CommissionStep.DEVICES, "does not bite"),
+    _KINDS.ENCODER_SIGN: ExpectedFinding(CommissionStep.AXES, "change the sign of joint {device}"),
+    _KINDS.TORQUE_SIGN: ExpectedFinding(CommissionStep.AXES, "torque's sign in drive {device}"),
+    _KINDS.ENCODERS_EXCHANGED: ExpectedFinding(CommissionStep.AXES, "are exchanged", (1,), (2.0, 3.0)),
+    _KINDS.ZERO: ExpectedFinding(CommissionStep.AXES, "to the offset of joint {device}", amounts=(0.0873, -0.0873)),
+    _KINDS.ENCODER_DEAD: ExpectedFinding(CommissionStep.AXES, "at drive {device}"),
+    _KINDS.ENCODER_SCALE: ExpectedFinding(CommissionStep.AXES, "the ratio of joint {device}", amounts=(0.5, 2.0)),
+    _KINDS.TORQUE_SCALE: ExpectedFinding(CommissionStep.AXES, "of joint {device}, and to", amounts=(0.5, 2.0)),
+    _KINDS.BRAKE_STUCK: ExpectedFinding(CommissionStep.AXES, "the brake of axis {device} stays closed"),
+    _KINDS.BRAKE_SLIPS: ExpectedFinding(CommissionStep.AXES, "a closed brake does not hold", amounts=(0.2, 0.25)),
+    _KINDS.FORCE_DEAD: ExpectedFinding(CommissionStep.DEVICES, "it is dead", (1, 2)),
+    _KINDS.FORCE_OFFSET: ExpectedFinding(CommissionStep.DEVICES, "set the sensor's zero", (1, 2)),
+    _KINDS.TOO_HOT: ExpectedFinding(CommissionStep.DEVICES, "servomotor {device} is too hot"),
+    _KINDS.UNDER_VOLTAGE: ExpectedFinding(CommissionStep.DEVICES, "servomotor {device} has too little voltage"),
+    _KINDS.SILENT: ExpectedFinding(CommissionStep.DEVICES, "answer"),
+    _KINDS.WATCHDOG_DEAD: ExpectedFinding(CommissionStep.DEVICES, "does not bite"),
 }  # fmt: skip
 
 
-class Onlooker(Commissioner):
+class ScriptedCommissioner(Commissioner):
     """Somebody who agrees to everything, and measures the tool of a simulated arm to a millimetre."""
 
     def __init__(self, rig: RigFile) -> None:
@@ -142,11 +142,11 @@ def whole(kind: Drives, seed: int, progress: Progress) -> CommissionReport:
         rig = unknown_rig(Path(folder), kind, seed)
         file = Path(folder) / RIG_FILE
         save_rig(rig, file)
-        return run_commission(str(file), Onlooker(rig), progress, game=True)
+        return run_commission(str(file), ScriptedCommissioner(rig), progress, game=True)
 
 
 def try_fault(
-    kind: Drives, fault: PlantedKind, expected: Expected, seed: int, progress: Progress
+    kind: Drives, fault: PlantedKind, expected: ExpectedFinding, seed: int, progress: Progress
 ) -> tuple[bool, float]:
     """Plant a fault, and do the first two steps: whether it was told as expected, and how far the tool moved [m]."""
     rng = random.Random(f"{kind} {fault} {seed}")
@@ -174,7 +174,7 @@ def first_two_steps(rig: RigFile, progress: Progress) -> tuple[CommissionStep | 
                     step = CommissionStep.DEVICES
                     if not found:
                         step = CommissionStep.AXES
-                        tried = try_axes(bus, rig.robot(), rig.table, Onlooker(rig), progress)
+                        tried = try_axes(bus, rig.robot(), rig.table, ScriptedCommissioner(rig), progress)
                         found = [one for one in tried if _wrong(one)]
                 moved = float(np.linalg.norm(true_tool(rig) - before))
             finally:

@@ -1,0 +1,1 @@
+"""Benches of robots that nobody knows: identified, and brought up to their first game."""
