@@ -11,9 +11,9 @@ import pytest
 from app.commissioning.identification.estimation import identify
 from app.commissioning.identification.excitation import Excitation, find_excitation
 from app.commissioning.identification.survey import borders_of
-from app.measure.bench import identify as bench
 from app.measure.bench.beds.unknown_robot import bed_of, recorded, unknown_plant, unknown_robot
 from app.measure.bench.report import Tally
+from app.measure.bench.unknown import identify as bench
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
