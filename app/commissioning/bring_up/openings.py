@@ -29,6 +29,9 @@ SLIP: Final = 5e-4
 _SWITCHING: Final = 0.02  # amplifiers are on before brakes open, and brakes are closed before a torque changes [s]
 _SWITCHED: Final = 1.0  # they are on within this [s]
 _RAMP: Final = 0.1  # to the full torque on a closed brake [s]
+LEAST_ROWS: Final = 5
+"""Ticks of an opening from which its accelerations are found."""
+_TRIES: Final = 3
 _RESTING: Final = 0.05  # the arm rests when it has turned by less than a noise for so long [s]
 _STILL: Final = 1e-4  # [rad]
 _PATIENCE: Final = 2.0  # for it to rest [s]
@@ -74,11 +77,20 @@ class WatchedBus:
     def open_briefly(self, torque: FloatArray, way: float = OPENING_WAY, longest: float = OPENING_TIME) -> BrakeOpening:
         """Open the brakes under a torque, (3,) [N m], until a servomotor has turned so far [rad], or for so long [s].
 
+        Once more where this computer was held up meanwhile and has seen too little.
+
         Raises:
             BringUpStopped: the arm has come too far, or the drives report a fault.
             BusLost: the drives no longer answer.
         """
-        asked, before = _triple(torque), self.farthest
+        for _ in range(_TRIES):
+            opening = self._open_once(_triple(torque), way, longest)
+            if len(opening.time) > LEAST_ROWS:
+                break
+        return opening
+
+    def _open_once(self, asked: Triple, way: float, longest: float) -> BrakeOpening:
+        before = self.farthest
         if before + self._widest >= TOTAL_WAY:
             raise BringUpStopped(
                 f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it "
@@ -183,7 +195,7 @@ def accelerations(opening: BrakeOpening) -> FloatArray:
     Least squares on ``q = q0 + a (t - t0)²/2`` with one t0 for all, half a tick fine; so the brakes' own delay does not
     count; drives that integrate in one go have moved from the middle of the tick before.
     """
-    time, least = opening.time, 5
+    time, least = opening.time, LEAST_ROWS
     if len(time) < least + 1:
         return np.zeros(3)
     tick = float(time[-1] - time[-2])

@@ -38,6 +38,9 @@ TOLD: Final = 0.10
 """Half of the 95 % band, as a share of the value: what is known no better is not told by the data."""
 LEAST_FRICTION: Final = 0.002
 """A friction that is known to this is told, however small it is [N m at 1 rad/s]."""
+OUTLIER: Final = 8.0
+"""An equation that is met so many times worse than the median one does not count: of noise that is normally
+distributed, one in ten million."""
 STRETCHES: Final = 48
 """Parts of the motion that are left out one by one for the bands: half a second each, ten times as long as the filter
 remembers (Efron and Tibshirani, An Introduction to the Bootstrap, chapter 11)."""
@@ -176,11 +179,11 @@ class _System:
         size = self.columns.shape[2]
         used = np.concatenate((free, np.ones(size - len(free), dtype=bool)))
         fixed = np.concatenate((np.where(free, 0.0, start), np.zeros(size - len(free))))
-        weights = np.ones(3)
+        weights, counts = np.ones(3), self.counts
         for _ in range(4):
-            left = np.concatenate([w * self.columns[i][self.counts[i]][:, used] for i, w in enumerate(weights)])
+            left = np.concatenate([w * self.columns[i][counts[i]][:, used] for i, w in enumerate(weights)])
             right = np.concatenate([
-                w * (self.right[i] - self.columns[i] @ fixed)[self.counts[i]] for i, w in enumerate(weights)
+                w * (self.right[i] - self.columns[i] @ fixed)[counts[i]] for i, w in enumerate(weights)
             ])  # fmt: skip
             scale = np.linalg.norm(left, axis=0)
             if not (scale > 0.0).all():
@@ -190,16 +193,21 @@ class _System:
                 raise IdentificationFailed("the motion does not tell the parameters apart: give it more room")
             solution = fixed.copy()
             solution[used] = found / scale
+            last = counts
+            counts = self._believed(solution)
             weights = 1.0 / np.maximum(self.residual(solution), 1e-6)
         deviation = np.full(size, np.inf)
-        deviation[used] = _jackknife(left / scale, right, self._stretches(), found) / scale
+        deviation[used] = _jackknife(left / scale, right, _stretches(last), found) / scale
         return solution, deviation
 
-    def _stretches(self) -> NDArray[np.intp]:
-        """To which stretch of the motion each equation that counts belongs, servomotor after servomotor."""
-        count = self.counts.shape[1]
-        of_time = np.arange(count) * STRETCHES // count
-        return np.concatenate([of_time[one] for one in self.counts])
+    def _believed(self, solution: FloatArray) -> NDArray[np.bool_]:
+        """Equations that count and are met about as well as the others: the rest are of moments in which the computer,
+        or somebody, held the arm or its clock up.
+        """
+        rest = np.array([np.abs(self.unexplained(solution, i)) for i in range(3)])
+        usual = np.array([np.median(one[counts]) for one, counts in zip(rest, self.counts, strict=True)])
+        believed: NDArray[np.bool_] = self.counts & (rest <= OUTLIER * usual[:, None])
+        return believed
 
     def unexplained(self, solution: FloatArray, i: int) -> FloatArray:
         rest: FloatArray = self.right[i] - self.columns[i] @ solution
@@ -216,6 +224,13 @@ class _System:
         values = np.linalg.svd(left, compute_uv=False)
         _, _, order = qr(left, mode="economic", pivoting=True)
         return float(values[0] / values[-1]), tuple(int(one) for one in order)
+
+
+def _stretches(counts: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """To which stretch of the motion each equation that counts belongs, servomotor after servomotor; (3, n) to (m,)."""
+    count = counts.shape[1]
+    of_time = np.arange(count) * STRETCHES // count
+    return np.concatenate([of_time[one] for one in counts])
 
 
 def _jackknife(left: FloatArray, right: FloatArray, stretch: NDArray[np.intp], found: FloatArray) -> FloatArray:

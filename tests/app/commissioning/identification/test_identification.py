@@ -174,3 +174,15 @@ def test_ticks_that_were_missed_hardly_count() -> None:
     values = np.array([one.value for one in identify(part, BELIEVED, 5).estimates[:10]])
     # these drives had not kept their torque, so more than is right is asked of them
     assert np.abs(values / base_of(robot()) - 1.0).max() < 0.02
+
+
+def test_a_clock_that_slips_now_and_then_spoils_nothing() -> None:
+    """The drives' clock and the computer's are a few ticks apart for a while, as where either was held up."""
+    whole, rng = record(), np.random.default_rng(5)
+    angle = whole.angle.copy()
+    for moment in rng.integers(2000, len(angle) - 2000, 6):
+        angle[moment : moment + 12] = whole.angle[moment - 4 : moment + 8]
+    slipped = identify(JointRecord(whole.period, angle, whole.torque), BELIEVED, 5)
+    values = np.array([one.value for one in slipped.estimates[:10]])
+    assert np.abs(values / base_of(robot()) - 1.0).max() < 0.02
+    assert all(one.told for one in slipped.estimates[:10])
