@@ -41,6 +41,8 @@ SEED: Final = 2800
 """Of the first robot."""
 ROBOTS: Final = {True: 0, False: 1}  # that go through the whole procedure on each bus, by ``quick``
 TRIES: Final = {True: 1, False: 3}  # of each fault
+MOST_AGAIN: Final = 2
+"""Failed steps are done again so often: this computer may have been held up."""
 TOOL_LIMIT: Final = 0.050
 """How far the tool may come from where it was, as docs/commissioning.md states for ``TOTAL_WAY`` of a shaft [m]."""
 _KINDS: Final = PlantedKind
@@ -120,7 +122,8 @@ def commission_bench(quick: bool, progress: Progress) -> BenchReport:
         tally: Tally = Tally(list)
         for seed in range(SEED, SEED + ROBOTS[quick]):
             progress(f"{kind}, robot {seed}: from nothing to its first game")
-            report = whole(kind, seed, progress)
+            report, again = whole(kind, seed, progress)
+            tally["done_again"].append(float(again))
             tally["not_held"].append(float(sum(line.state is not StepState.HELD for line in report.steps)))
             if tally["not_held"][-1]:
                 progress(f"{kind}, robot {seed}: {report.next}: {[one for one in report.findings if _wrong(one)]}")
@@ -131,18 +134,25 @@ def commission_bench(quick: bool, progress: Progress) -> BenchReport:
                 tally["moved"].append(1e3 * moved)
         if tally["not_held"]:
             rows[f"{kind}_steps_not_held"] = row(tally["not_held"], "steps", 0.0, "max")
+            rows[f"{kind}_steps_done_again"] = row(tally["done_again"], "steps")
         rows[f"{kind}_faults_misjudged"] = row([sum(tally["misjudged"])], "faults", 0.0, "max", len(tally["misjudged"]))
         rows[f"{kind}_tool_moved"] = row(tally["moved"], "mm", 1e3 * TOOL_LIMIT, "max")
     return BenchReport.of("commission", SEED, rows, "real")
 
 
-def whole(kind: Drives, seed: int, progress: Progress) -> CommissionReport:
-    """One robot, from nothing to the end of its first game, or to the step that fails."""
+def whole(kind: Drives, seed: int, progress: Progress) -> tuple[CommissionReport, int]:
+    """One robot, from nothing to the end of its first game, or to a step that fails again and again; and how many were
+    done again, as they say themselves that they may be.
+    """
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         rig = unknown_rig(Path(folder), kind, seed)
         file = Path(folder) / RIG_FILE
         save_rig(rig, file)
-        return run_commission(str(file), ScriptedCommissioner(rig), progress, game=True)
+        for again in range(MOST_AGAIN + 1):
+            report = run_commission(str(file), ScriptedCommissioner(rig), progress, game=True)
+            if report.holds:
+                break
+        return report, again
 
 
 def try_fault(

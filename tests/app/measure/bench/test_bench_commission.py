@@ -17,7 +17,7 @@ def test_every_fault_is_expected_at_one_of_the_first_two_steps() -> None:
 
 @pytest.mark.slow
 def test_an_unknown_robot_is_brought_up_to_its_first_game() -> None:
-    report = whole(Drives.SIM, 77, lambda _: None)
+    report, _again = whole(Drives.SIM, 77, lambda _: None)
     assert {line.step: line.state for line in report.steps} == dict.fromkeys(CommissionStep, StepState.HELD), report
 
 
