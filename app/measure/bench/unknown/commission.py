@@ -148,10 +148,9 @@ def whole(kind: Drives, seed: int, progress: Progress) -> tuple[CommissionReport
         rig = unknown_rig(Path(folder), kind, seed)
         file = Path(folder) / RIG_FILE
         save_rig(rig, file)
-        for again in range(MOST_AGAIN + 1):
-            report = run_commission(str(file), ScriptedCommissioner(rig), progress, game=True)
-            if report.holds:
-                break
+        report, again = run_commission(str(file), ScriptedCommissioner(rig), progress, game=True), 0
+        while not report.holds and again < MOST_AGAIN:
+            report, again = run_commission(str(file), ScriptedCommissioner(rig), progress, game=True), again + 1
         return report, again
 
 
