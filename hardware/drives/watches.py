@@ -76,6 +76,8 @@ class EncoderWatch:
         seen = f"by {moved:+.4f} rad within {1e3 * longest:.1f} ms, at most {most:.4f} rad is possible"
         found = DriveFinding(DriveTrouble.ENCODER_JUMPED, f"{seen}; until it jumps back, or its zero is found again")
         self._jumped = found if abs(self._shift) > self._doubt else None
+        if self._jumped is None:  # it is back: the next jump is measured from here
+            self._shift = self._doubt = 0.0
         return found
 
 

@@ -103,6 +103,8 @@ def test_an_encoder_that_jumped_stays_wrong_until_it_has_jumped_back(jump: float
     assert see(1 + later, jump)
     assert see(2 + later, 0.0)  # back, which is a jump, too
     assert not see(3 + later, 0.0)
+    assert see(4 + later, -jump)
+    assert see(5 + later, -jump)  # the second time as well
 
 
 def test_what_was_read_before_a_pause_does_not_count() -> None:

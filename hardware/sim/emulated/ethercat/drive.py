@@ -69,9 +69,9 @@ class PlantedFaults:
     """Faults to be planted in a drive."""
 
     follows: float = 1.0
+    """How much of its torque the motor gives."""
     cause: int = 0
     """Code of a fault whose cause is still there, so that no reset takes it away; 0: there is none."""
-    """How much of its torque the motor gives."""
     jump: float = 0.0
     """Added to the encoder's angle [rad]."""
     cut: bool = field(default=False)
