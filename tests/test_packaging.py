@@ -238,11 +238,11 @@ def test_root_installs_what_debian_lacks(debian: FakeDebian) -> None:
 
 
 def test_only_tests_need_a_browser(debian: FakeDebian) -> None:
-    lacking(debian, "chromium")
+    lacking(debian, "chromium-headless-shell")
     assert debian.run("demo")[0] == 0
     assert not debian.calls("apt-get")
     assert debian.run("dev")[0] == 0
-    assert debian.calls("apt-get")[-1] == "apt-get install -y -qq --no-install-recommends chromium"
+    assert debian.calls("apt-get")[-1] == "apt-get install -y -qq --no-install-recommends chromium-headless-shell"
 
 
 def test_a_user_with_sudo_installs_by_it(debian: FakeDebian) -> None:

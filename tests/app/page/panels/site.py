@@ -7,7 +7,6 @@ a panel which breaks its Content-Security-Policy breaks here.
 from __future__ import annotations
 
 import json
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,8 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
-import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from app.page.web.security import HEADERS
 from app.page.web.server import STATIC
@@ -40,7 +38,6 @@ const module = await import(`/static/${new URLSearchParams(location.search).get(
 const element = document.getElementById('panel');
 Object.assign(window, {store, sent, module, element, unmount: module.mount(element, store), ready: true});
 """
-FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 PATIENCE = 60.0
 """A loaded machine without a graphics card draws its first picture within this [s]."""
 
@@ -108,20 +105,6 @@ def served(site: PanelSite) -> Iterator[PanelSite]:
         server.shutdown()
         server.server_close()
         thread.join()
-
-
-@contextmanager
-def chromium() -> Iterator[Browser]:
-    """Debian's Chromium, drawing by software; a test is skipped where there is none."""
-    executable = shutil.which("chromium")
-    if executable is None:
-        pytest.skip("there is no Chromium: install it with 'sudo apt-get install chromium'")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
-        try:
-            yield browser
-        finally:
-            browser.close()
 
 
 @contextmanager

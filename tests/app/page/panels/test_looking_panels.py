@@ -16,7 +16,8 @@ from app.page.robot_scene import robot_scene
 from controller.protection.limits import default_limits
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
-from tests.app.page.panels.site import PanelSite, chromium, panel, served, until
+from tests.app.page.browsers import IN_3D, chromium
+from tests.app.page.panels.site import PanelSite, panel, served, until
 
 pytestmark = pytest.mark.slow
 PARAMETERS, TABLE = load_parameters(), TableSettings()
@@ -25,7 +26,7 @@ UNSURE = ("e4", "a7")
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as opened:
+    with chromium(IN_3D) as opened:
         yield opened
 
 

@@ -11,8 +11,9 @@ from playwright.sync_api import Browser
 from app.motion.settings import MotionSettings
 from app.page.robot_scene import robot_scene
 from hardware.parameters import load_parameters
+from tests.app.page.browsers import IN_3D, chromium
 from tests.app.page.panels.recorded_game import ID, TABLE, recorded_game
-from tests.app.page.panels.site import PanelSite, chromium, panel, served, until
+from tests.app.page.panels.site import PanelSite, panel, served, until
 from tests.app.page.panels.test_looking_panels import look, picture
 from tests.app.page.test_accessibility import OF_ALL, OF_COLOURS, axe
 
@@ -28,7 +29,7 @@ READY = {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as opened:
+    with chromium(IN_3D) as opened:
         yield opened
 
 

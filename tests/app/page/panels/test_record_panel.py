@@ -13,8 +13,9 @@ from app.motion.settings import MotionSettings
 from app.page.robot_scene import robot_scene
 from hardware.parameters import load_parameters
 from hardware.table import square_place
+from tests.app.page.browsers import IN_3D, chromium
 from tests.app.page.panels.recorded_game import HOME, ID, STAGE, TABLE, RecordedGame, recorded_game
-from tests.app.page.panels.site import PanelSite, chromium, panel, served, until
+from tests.app.page.panels.site import PanelSite, panel, served, until
 
 pytestmark = pytest.mark.slow
 GAME = f"/games/{ID}"
@@ -27,7 +28,7 @@ SEEK = """(t) => {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as opened:
+    with chromium(IN_3D) as opened:
         yield opened
 
 

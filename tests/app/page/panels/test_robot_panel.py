@@ -21,7 +21,8 @@ from controller.model.reach import posture_at
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES
 from hardware.table import Place, TableSettings
-from tests.app.page.panels.site import PanelSite, chromium, panel, served, until
+from tests.app.page.browsers import IN_3D, chromium
+from tests.app.page.panels.site import PanelSite, panel, served, until
 
 pytestmark = pytest.mark.slow
 TABLE = TableSettings(yaw_in_base=0.02)
@@ -33,7 +34,7 @@ INSPECT = "module.inspect(element)"
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as opened:
+    with chromium(IN_3D) as opened:
         yield opened
 
 
