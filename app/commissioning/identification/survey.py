@@ -23,6 +23,7 @@ from app.rig.devices import Rig
 from controller.loop.flight import RECORD_NAME
 from controller.protection.limits import default_limits
 from controller.protocol.messages import Telemetry
+from controller.settings import CONTROLLER_FILE
 from controller.wire.client import ControllerClient
 from hardware.parameters import RobotParameters
 from hardware.piece_set import PIECE_SHAPES
@@ -130,14 +131,20 @@ def _go(rig: Rig, settings: MotionSettings, parameters: RobotParameters, table: 
 def fetch_record(client: ControllerClient, run_dir: Path) -> Path:
     """Have the controller write its record, and wait for the file.
 
+    Ticks begin anew with each controller, and so do the numbers of motions: a record that was there before this
+    controller held the drives tells of another time, whatever its name.
+
     Raises:
         NoRecord: it does not come.
     """
+    address = run_dir / CONTROLLER_FILE
+    began = address.stat().st_mtime_ns if address.exists() else 0
     tick = client.record()
     deadline = time.monotonic() + _FILE_PATIENCE
     while time.monotonic() < deadline:
         for path in run_dir.glob(f"{RECORD_NAME}-*.npz"):
-            if int(path.stem.removeprefix(f"{RECORD_NAME}-")) >= tick - 1:
+            late = int(path.stem.removeprefix(f"{RECORD_NAME}-")) >= tick - 1
+            if late and path.stat().st_mtime_ns >= began:
                 return path
         time.sleep(0.02)
     raise NoRecord(
