@@ -32,6 +32,11 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("ci")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Whole programs come first: they wait more than they work, and one that began last would run alone in the end."""
+    items.sort(key=lambda item: item.path.parent != Path(__file__).parent)
+
+
 def pytest_collection_finish() -> None:
     """Thousands of tests are not looked at by each collection of garbage, of which a controller makes one as it starts:
     in a process as large as this it takes a second."""

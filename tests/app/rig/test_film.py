@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
-import time
 from pathlib import Path
 
 import av
@@ -98,11 +96,16 @@ def test_game_that_broke_off_is_filmed_up_to_there(recorded: Path, tmp_path: Pat
 
 def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / FILM_FILE).write_bytes(b"an older one")
-    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-    began = time.monotonic()
+    drawn = list[tuple[float, float]]()
+
+    def interrupted(*so_far: float) -> None:
+        drawn.append(so_far)
+        os.kill(os.getpid(), signal.SIGINT)  # after the first picture
+
+    wish = FilmWish(positions=positions_of(recorded), output=tmp_path / FILM_FILE, width=2048, height=2048)
     with pytest.raises(KeyboardInterrupt):
-        draw(recorded, tmp_path / FILM_FILE, width=4096, height=4096)
-    assert time.monotonic() - began < 10.0
+        draw_film(wish, interrupted)
+    assert len(drawn) == 1
     assert (tmp_path / FILM_FILE).read_bytes() == b"an older one"
     assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]
 
