@@ -121,6 +121,11 @@ class RigSetup:
 
         begun = SimRig.begin(rig, progress, new=new, ahead=self.ahead)
         stack.callback(begun.close)
+        # where nothing is compiled yet: first what is for this process alone, while the controller's own compiles the rest
+        import app.motion.timing.time_law  # noqa: F401
+
+        if self.sees:
+            import vision.loops  # noqa: F401
 
         def connected(listener: Listener | None) -> Rig:
             import app.execution.recovery

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
@@ -80,8 +81,6 @@ def fit_grid(
     def residuals(parameters: Array) -> Array:
         off = np.einsum("nij,nj->ni", inward, grid_of(parameters).project(local) - points) * weight
         return np.append(np.nan_to_num(off, nan=1.0).ravel(), scatter * parameters[8])
-
-    from scipy.optimize import least_squares  # takes a third of a second to load: not where a board need not be found
 
     first = np.append(start.ravel()[:8], 0.0) / unit
     result = least_squares(residuals, first, loss="soft_l1", f_scale=2.0 * scatter, max_nfev=30)

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 NEIGHBOURS: Final = 16  # how many saddles around one are looked at for the next crossing of a line
 LEAST_TURN: Final = 0.5  # cosine of twice the angle between where the bright sectors are and where they should be
@@ -85,8 +83,6 @@ def grow_lattices(saddles: Saddles, least: int, enough: int, most_seeds: int) ->
     """
     if len(saddles) < max(4, least):
         return []
-    from scipy.spatial import cKDTree  # takes a tenth of a second to load: not where a board need not be found
-
     tree = cKDTree(saddles.points)
     found: list[Lattice] = []
     used: set[int] = set()

@@ -18,10 +18,8 @@ from app.records.game import utc_now
 from app.settings.tree import SIMULATED, Drives, Processes, RigSection, Settings
 from hardware.interfaces import Pace
 
-SIMULATION: Final = "simulation"
-"""World and controller in one process."""
 _COMMANDS: Final = {
-    SIMULATION: ("world", "--controlled"),
+    "simulation": ("world", "--controlled"),
     "world": ("world",),
     "controller": ("controller",),
 }
@@ -100,16 +98,4 @@ def _names(section: RigSection) -> tuple[str, ...]:
         return ()
     if section.pace is not Pace.FAST:
         return "world", "controller"
-    return (SIMULATION,) if section.processes is Processes.TOGETHER else ()
-
-
-def is_told(log: Path) -> bool:
-    """Wait, in a process that was started ahead and has loaded; whether it is wanted: then it speaks to its log."""
-    if not sys.stdin.readline():
-        return False
-    with log.open("ab") as file, Path(os.devnull).open("rb") as nothing:
-        os.dup2(nothing.fileno(), sys.stdin.fileno())
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
-            os.dup2(file.fileno(), stream.fileno())
-    return True
+    return ("simulation",) if section.processes is Processes.TOGETHER else ()

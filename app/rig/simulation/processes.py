@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Final
 from app import UserError
 from app.rig.drives import Opener, opener_of
 from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
-from app.rig.simulation.ahead import SIMULATION, RigAhead, is_told
 from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
 from hardware.loading import begin_loading, end_loading
@@ -28,6 +27,7 @@ from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import keep_settings
 
 if TYPE_CHECKING:
+    from app.rig.simulation.ahead import RigAhead
     from hardware.sim.render.renderer import StartedDrawing
 
 WORLD_TIMEOUT: Final = 60.0
@@ -79,6 +79,18 @@ def last_words(log: Path) -> str | None:
     return next((line.strip() for line in reversed(lines) if line.strip()), None)
 
 
+def _is_told(log: Path) -> bool:
+    """Wait, in a process that was started ahead and has loaded; whether it is wanted: then it speaks to its log."""
+    if not sys.stdin.readline():
+        return False
+    with log.open("ab") as file, Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), sys.stdin.fileno())
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+            os.dup2(file.fileno(), stream.fileno())
+    return True
+
+
 def run_world(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int:
     """The simulated world until it is no longer needed; exit status.
 
@@ -90,7 +102,7 @@ def run_world(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int
     drawing = _drawing(run_dir, alone=False) if drawn else None
     if ahead:
         _load_world()
-        if not is_told(log_of("world", run_dir)):
+        if not _is_told(log_of("world", run_dir)):
             return 0
     if load_settings(run_dir).drives is None:
         from hardware.sim.process.server import world_of
@@ -130,7 +142,7 @@ def run_simulation(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -
 
     if ahead:
         _load_controller()
-        if not is_told(log_of(SIMULATION, run_dir)):
+        if not _is_told(log_of("simulation", run_dir)):
             return 0
     rig, world = load_rig(run_dir / RIG_FILE), world_of(run_dir, drawing)
     _load_controller()  # takes a while, in which the renderer starts
@@ -169,7 +181,7 @@ def run_controller(run_dir: Path, *, ahead: bool = False) -> int:
         import hardware.sim.clients.bus  # noqa: F401
 
         _load_controller()
-        if not is_told(log_of("controller", run_dir)):
+        if not _is_told(log_of("controller", run_dir)):
             return 0
     rig = load_rig(run_dir / RIG_FILE)
     return _serve(rig, opener_of(rig, lambda: None), lambda _host, _port: None)
