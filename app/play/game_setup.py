@@ -121,7 +121,7 @@ class RigSetup:
 
         begun = SimRig.begin(rig, progress, new=new, ahead=self.ahead)
         stack.callback(begun.close)
-        # where nothing is compiled yet: first what is for this process alone, while the controller's own compiles the rest
+        # where nothing is compiled yet, what is for this process alone goes first: the controller's compiles the rest
         import app.motion.timing.time_law  # noqa: F401
 
         if self.sees:

@@ -393,10 +393,7 @@ class World:
 
 
 def world_of(run_dir: Path, drawing: StartedDrawing | None = None) -> World:
-    """The world of a run directory, with a process for its pictures where one has been started already.
-
-    ``HardwareError``: its settings or parameters are missing or impossible.
-    """
+    """The world of a run directory; ``HardwareError``: its settings or parameters are missing or impossible."""
     try:
         return World(run_dir, load_settings(run_dir), drawing)
     except ValueError as error:
