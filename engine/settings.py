@@ -1,8 +1,9 @@
 """How one engine plays, as far as it can be said before the engine is known."""
 
-from typing import Final, Self
+from __future__ import annotations
 
-import chess.engine
+from typing import TYPE_CHECKING, Final, Self
+
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -14,6 +15,9 @@ from pydantic import (
     StrictInt,
     model_validator,
 )
+
+if TYPE_CHECKING:
+    import chess.engine
 
 THREADS: Final = 1
 HASH_MB: Final = 16
@@ -58,12 +62,16 @@ class EngineSettings(BaseModel):
     @property
     def limit(self) -> chess.engine.Limit:
         """Limit of a move by these settings; empty when neither time nor nodes are set."""
+        import chess.engine  # settings are read by processes that play no chess
+
         return chess.engine.Limit(time=self.move_time, nodes=self.nodes)
 
     def limit_by(self, clock: chess.engine.Limit | None) -> chess.engine.Limit:
         """Limit of a move by these settings and what a chess clock leaves; None: played without one."""
         if clock is None or self.nodes is not None:
             return self.limit
+        import chess.engine
+
         return chess.engine.Limit(
             time=self.move_time, white_clock=clock.white_clock, black_clock=clock.black_clock,
             white_inc=clock.white_inc, black_inc=clock.black_inc, remaining_moves=clock.remaining_moves,

@@ -31,10 +31,11 @@ ALLOWED = {
         "hardware.piece_set",
         "hardware.table",
         "hardware.realtime",  # what a punctual process asks of its PC: the simulated world asks for the same
+        "hardware.loading",
     ),
     "engine": ("engine",),
     "hardware": ("hardware",),
-    "vision": ("vision", "hardware.interfaces", "hardware.piece_set", "hardware.table"),
+    "vision": ("vision", "hardware.interfaces", "hardware.loading", "hardware.piece_set", "hardware.table"),
 }
 """The arrows: a room and the modules, with all below them, that it may import."""
 
@@ -47,7 +48,7 @@ FLOORS = {
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
         "sim", "drives", "camera", "turned_shapes", "table", "piece_set", "contact_speeds", "referee", "parameters",
-        "frozen", "interfaces", "realtime",
+        "frozen", "interfaces", "realtime", "loading",
     ),
     "hardware.sim": ("emulated", "process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip

@@ -14,3 +14,11 @@ Picture = NDArray[np.uint8]
 Indices = NDArray[np.intp]
 Whole = NDArray[np.int32]
 """Whole numbers: pixels, labels, bins."""
+
+
+def cheapest_pairs(cost: Array) -> tuple[Indices, Indices]:
+    """Rows and columns of the cheapest assignment, of costs (rows, columns); as many pairs as the fewer of them."""
+    from scipy.optimize import linear_sum_assignment  # takes a third of a second to load: not before it is needed
+
+    rows, columns = linear_sum_assignment(cost)
+    return rows, columns

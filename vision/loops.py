@@ -19,11 +19,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.loading import spare_blas
 from vision.arrays import Array, Field, Mask, Picture, Whole
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _numba: Any = numba  # its own types are incomplete
 types: Any = numba.types
+spare_blas()
 
 
 def _loop(signature: Any) -> Callable[[_F], _F]:

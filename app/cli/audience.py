@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from app.cli.ending import fail, say, take_interrupts
+from hardware.loading import begin_loading
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +32,7 @@ def page_of_command(context: typer.Context) -> StartedPage | None:
 
     It loads while this one does, and serves once the settings are known; it ends with the command in any case.
     """
+    begin_loading()  # until the rig is open
     if context.params.get("headless") or context.params.get("page") is False:
         return None
     from app.page.starting import StartedPage

@@ -22,13 +22,14 @@ def controller(
     ] = "run",
     rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+    ahead: Annotated[bool, typer.Option("--ahead", hidden=True)] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
 ) -> None:
     """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
     from app.rig.simulation.processes import run_controller, run_controller_of_rig
 
     if run_dir is not None:
-        run_process(lambda: run_controller(run_dir))
+        run_process(lambda: run_controller(run_dir, ahead=ahead))
     if action == "run":
         run_process(lambda: run_controller_of_rig(rig, say))
     _operate(action, rig, as_json)
@@ -60,6 +61,8 @@ def world(
     game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
     controlled: Annotated[bool, typer.Option("--controlled", hidden=True)] = False,
+    ahead: Annotated[bool, typer.Option("--ahead", hidden=True)] = False,
+    drawn: Annotated[bool, typer.Option("--drawn", hidden=True)] = False,
 ) -> None:
     """Look at a simulated world that runs; games start theirs by themselves."""
     from app.rig.simulation.processes import run_simulation, run_world, view_world
@@ -68,7 +71,8 @@ def world(
         run_process(lambda: view_world(game, say))
     if run_dir is None:
         fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
-    run_process(lambda: run_simulation(run_dir) if controlled else run_world(run_dir))
+    run = run_simulation if controlled else run_world
+    run_process(lambda: run(run_dir, ahead=ahead, drawn=drawn))
 
 
 def check(

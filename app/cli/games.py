@@ -72,7 +72,7 @@ def demo(
     """Two engines play a game that the arm executes."""
     page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config)
-    show_game("demo", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("demo", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def play(
@@ -119,7 +119,7 @@ def play(
     other = "black" if color == "white" else "white"
     also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    show_game("play", _games_of(settings), settings, page_ahead, as_json=as_json, awaited=page is True)
+    show_game("play", _games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 
 def replay(
@@ -148,7 +148,7 @@ def replay(
     """The arm plays recorded games again, and says of every ply whether the board came out right."""
     page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    show_game("replay", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("replay", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def setup(
@@ -181,7 +181,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    show_game("setup", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("setup", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def resume(
@@ -222,12 +222,16 @@ def show_config(
     print(as_toml(options.settings_or_end({}, file)), end="")
 
 
-def _games_of(settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
-    """Plays as the settings say; what plays is loaded only then, since the page begins meanwhile."""
+def _games_of(context: typer.Context, settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
+    """Plays as the settings say; what plays is loaded only then, since the page and the rig's processes load, too."""
+    from app.rig.simulation.ahead import RigAhead
+
+    ahead = RigAhead(settings)
+    context.call_on_close(ahead.cancel)
 
     def play(ui: UserInterface, lines: Lines) -> SessionResult:
         from app.play.launch import run_games
 
-        return run_games(settings, ui, lines)
+        return run_games(settings, ui, lines, ahead)
 
     return play

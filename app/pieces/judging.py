@@ -11,6 +11,7 @@ import numpy as np
 from app.pieces.inventory import Inventory, expected
 from hardware.referee import PiecePose, Truth
 from hardware.table import Box, PieceSpec, Place, TableSettings
+from vision.arrays import cheapest_pairs
 
 UPRIGHT = math.radians(5.0)
 """A piece that leans further than this does not stand; standing ones lean below 0.1°."""
@@ -81,9 +82,7 @@ def _as_named(truth: Truth, inventory: Inventory) -> dict[str, PiecePose]:
         far = np.array([[_away(poses[name], place, inventory.table) for name in names] for place, _ in group])
         if far.diagonal().max() <= inventory.table.square / 4.0:
             continue
-        from scipy.optimize import linear_sum_assignment  # takes a second to load: only where something is off
-
-        _, chosen = linear_sum_assignment(far - _OWN * np.eye(len(names)))
+        _, chosen = cheapest_pairs(far - _OWN * np.eye(len(names)))
         poses |= {name: replace(poses[names[one]], name=name) for name, one in zip(names, chosen.tolist(), strict=True)}
     return poses
 

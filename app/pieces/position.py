@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
@@ -21,8 +20,8 @@ from app.pieces.layout import SPARES, colour_of, kind_of, physical_set
 from app.pieces.order import rearrange, rings_of
 from hardware.piece_set import Colour, Kind
 from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.arrays import Array, cheapest_pairs
 
-Array = NDArray[np.float64]
 Ways = dict[str, tuple[Place, Place]]
 """Source and target of each piece that moves, by name."""
 _MOVED: Final = 10.0
@@ -155,7 +154,7 @@ def _assigned(now: Inventory, pieces: Sequence[PieceSpec], squares: Sequence[Pla
     cost[:, : len(squares)][[[place == square for square in squares] for place in places]] = 0.0
     aside = _MOVED + _ways(now.table, places, now.table.tray_places()).min(axis=1)
     cost[:, len(squares) :] = np.where([place.on_board for place in places], aside, 0.0)[:, None]
-    rows, columns = _assign(cost)
+    rows, columns = cheapest_pairs(cost)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {pieces[i].name: squares[j] for i, j in pairs if j < len(squares)}
 
@@ -167,14 +166,6 @@ def _ways(table: TableSettings, starts: Sequence[Place], ends: Sequence[Place]) 
     return ways
 
 
-def _assign(cost: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the cheapest assignment."""
-    from scipy.optimize import linear_sum_assignment  # takes a second to load: not before something is to be set up
-
-    rows, columns = linear_sum_assignment(cost)
-    return rows, columns
-
-
 def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpec]) -> dict[str, Place]:
     """Places beside the board for pieces that leave it."""
     if not leaving:
@@ -183,7 +174,7 @@ def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpe
     places = [place for place in (*now.table.tray_places(), *now.table.box_places()) if place not in stay]
     if len(places) < len(leaving):
         raise PlacesMissing(len(leaving), len(places))
-    rows, columns = _assign(_beside(now, leaving, places))
+    rows, columns = cheapest_pairs(_beside(now, leaving, places))
     return {leaving[i].name: places[j] for i, j in zip(rows.tolist(), columns.tolist(), strict=True)}
 
 

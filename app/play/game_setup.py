@@ -15,6 +15,7 @@ from app.motion import PROFILES, MotionSettings, Profile, contact_speeds
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig
+from app.rig.simulation.ahead import RigAhead
 from app.rig.simulation.settings import rig_for_game
 from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
 from controller.wire.link import Listener
@@ -44,6 +45,7 @@ class RigSetup:
         pace: how plant time goes.
         calibration: of the camera; None: there is none.
         meant: where the table is meant to stand: that of a simulation of our own.
+        ahead: its processes, where they were started before all else.
     """
 
     section: RigSection
@@ -54,6 +56,7 @@ class RigSetup:
     pace: Pace
     calibration: Calibration | None
     meant: TableSettings
+    ahead: RigAhead | None = None
 
     @property
     def own(self) -> bool:
@@ -116,8 +119,13 @@ class RigSetup:
             return lambda listener: _open_remote(rig, progress, listener)
         from app.rig.simulation.sim import SimRig
 
-        begun = SimRig.begin(rig, progress, new=new)
+        begun = SimRig.begin(rig, progress, new=new, ahead=self.ahead)
         stack.callback(begun.close)
+        # where nothing is compiled yet, what is for this process alone goes first: the controller's compiles the rest
+        import app.motion.timing.time_law  # noqa: F401
+
+        if self.sees:
+            import vision.loops  # noqa: F401
 
         def connected(listener: Listener | None) -> Rig:
             import app.execution.recovery

@@ -29,6 +29,7 @@ from app.records.events import EndEvent
 from app.records.files import GAMES, make_folder
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile
+from app.rig.simulation.ahead import RigAhead
 from app.settings.files import keep_settings, kept_settings
 from app.settings.tree import BOARD, SIMULATED, PlayerKind, Settings
 from app.terminal.interface import UserInterface
@@ -40,22 +41,25 @@ if TYPE_CHECKING:
     pass
 
 
-def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
+def run_games(
+    settings: Settings, ui: UserInterface, lines: Lines | None = None, ahead: RigAhead | None = None
+) -> SessionResult:
     """Play as the settings say.
 
     Args:
         settings: of rig, games and players.
         ui: shown what happens.
         lines: what the person at the board says; needed where one plays.
+        ahead: the rig's processes, where they were started before all else.
 
     Raises:
         UserError: bad settings, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
     settings = _decided(settings)
-    rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
+    rig_setup = replace(rig_setup_of(settings.rig, settings.vision.calibration), ahead=ahead)
     settings = _completed(settings, rig_setup)
-    folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
+    folder = settings.out or (ahead and ahead.folder) or new_folder(GAMES, utc_now())
     with ExitStack() as stack:
         human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:

@@ -23,6 +23,7 @@ from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from engine.errors import EngineProblem
 from hardware.interfaces import Camera, HardwareError
+from hardware.loading import end_loading
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard, Guarding
@@ -158,6 +159,7 @@ def run_session(
             guarding.take(told)
 
     with telemetry, open_rig(listen) as rig:
+        end_loading()
         try:
             with _recording_positions(filming, rig), ExitStack() as stack:
                 guard = None if guarding is None else guarding.open(rig)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import itertools
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
@@ -61,14 +63,29 @@ def as_toml(settings: Settings) -> str:
     return "\n".join(lines) + "\n"
 
 
+def meanings_of(section: type[BaseModel]) -> dict[str, str]:
+    """What each field means, by name: what stands below it in the source. Read for those alone who ask for it."""
+    meanings: dict[str, str] = {}
+    for one in reversed([base for base in section.__mro__ if base is not BaseModel and issubclass(base, BaseModel)]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, after in itertools.pairwise(body.body):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(after, ast.Expr)
+                and isinstance(after.value, ast.Constant)
+            ):
+                meanings[ast.unparse(field.target)] = " ".join(str(after.value.value).split())
+    return meanings
+
+
 def _fields(section: BaseModel) -> list[str]:
-    lines = []
-    for name, field in type(section).model_fields.items():
+    lines, meanings = [], meanings_of(type(section))
+    for name in type(section).model_fields:
         value = getattr(section, name)
         if isinstance(value, BaseModel):
             continue
-        comment = " ".join((field.description or "").split())
-        lines += [f"# {line}" for line in textwrap.wrap(comment, 110)]
+        lines += [f"# {line}" for line in textwrap.wrap(meanings.get(name, ""), 110)]
         lines.append(f"# {name} =" if value is None else f"{name} = {toml_value(value)}")
     return lines
 

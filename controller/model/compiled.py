@@ -10,13 +10,14 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from hardware.loading import spare_blas
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,23 +31,7 @@ _numba: Any = numba
 carray: Any = _numba.carray
 
 
-def _skip_blas() -> None:
-    """Spare a start the 0.3 s in which Numba loads SciPy's linear algebra to see whether BLAS is there.
-
-    Compiled code here solves what it has to solve in closed form. `np.dot` and `np.linalg` in compiled code would say
-    that they need SciPy.
-    """
-    name = "scipy.linalg.cython_blas"
-    if name in sys.modules:
-        return
-    sys.modules[name] = cast("ModuleType", None)  # Python's way to say: not to be imported
-    try:
-        import numba.np.arraymath  # noqa: F401, PLC0415 - this is where it looks
-    finally:
-        del sys.modules[name]
-
-
-_skip_blas()
+spare_blas()
 
 SCALAR: Any = _numba.types.float64
 STATUS: Any = _numba.types.int64

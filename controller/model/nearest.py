@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, minimize
 
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DISTAL, HEIGHT, PROXIMAL, RADIUS
@@ -57,6 +56,8 @@ def nearest_point(constants: FloatArray, z: Vector) -> FloatArray | None:
 
     def distance(p: FloatArray) -> float:
         return float(np.sum((p - target) ** 2)) / scale**2
+
+    from scipy.optimize import NonlinearConstraint, minimize  # takes a third of a second to load, and no start wants it
 
     limits = NonlinearConstraint(lambda p: room(constants, (float(p[0]), float(p[1]), float(p[2]))), 0.0, np.inf)
     for start in (best, *starts):

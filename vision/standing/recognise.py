@@ -17,12 +17,11 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from hardware.interfaces import Frame
 from hardware.piece_set import Colour, Kind, Look
 from hardware.table import PieceSpec, Place, square_place
-from vision.arrays import Array
+from vision.arrays import Array, cheapest_pairs
 from vision.board.view import BoardView
 from vision.pieces.fit import TALL, Fit
 from vision.pieces.misplaced import around_board
@@ -177,7 +176,7 @@ def _matched(
         cost[:, : len(looks)] += [_rarity(look, looks[:i].count(look)) for i, look in enumerate(looks)]
     for (i, (_, place)), (j, look) in product(enumerate(seen), enumerate(looks)):
         cost[i, j] += outlines.get((place, look), 0.0)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = cheapest_pairs(cost)
     cheapest = float(cost[rows, columns].sum())
     matched = []
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
@@ -186,7 +185,7 @@ def _matched(
             continue
         other = cost.copy()
         other[row, [i for i, look in enumerate(looks) if look == looks[column]]] = _IMPOSSIBLE
-        others = linear_sum_assignment(other)
+        others = cheapest_pairs(other)
         sure = float(other[others].sum()) - cheapest >= _SURE
         second = int(others[1][row])
         instead = None if sure or second >= len(looks) else looks[second]

@@ -20,13 +20,12 @@ from typing import Final
 import chess
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from app.execution.repair.observed import FLUKE, Chances
 from app.pieces.layout import kind_of
 from hardware.piece_set import Colour, Kind
 from hardware.table import PieceSpec, TableSettings, square_place
+from vision.arrays import cheapest_pairs
 
 Array = NDArray[np.float64]
 
@@ -74,7 +73,7 @@ def believe(
     kind; left out: unknown.
     """
     cost = _costs(colour, pieces, squares, kinds, table)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = cheapest_pairs(cost)
     cheapest = float(cost[rows, columns].sum())
     on = {int(column): int(row) for row, column in zip(rows, columns, strict=True) if column < len(squares)}
     standing = {pieces[row].name: squares[column] for column, row in on.items() if row < len(pieces)}
@@ -106,7 +105,7 @@ def _costs(
         return cost
     homes = np.array([table.xy(piece.place) for piece in pieces])
     there = np.array([table.xy(square_place(square)) for square in squares])
-    away = cdist(homes, there).round(6)
+    away = np.linalg.norm(homes[:, None] - there, axis=2).round(6)
     cost[:number, :seen] = np.where(away > 0.0, _CARRIED + _FARTHER * away, 0.0)
     cost[:number, :seen] -= np.log([[_chance(kinds.get(square), p.kind) for square in squares] for p in pieces])
     return cost
@@ -121,7 +120,7 @@ def _cheapest_other(cost: Array, pieces: Sequence[PieceSpec], column: int, row: 
     alike = [i for i, piece in enumerate(pieces) if row < len(pieces) and piece.kind is pieces[row].kind]
     changed = cost.copy()
     changed[alike or slice(len(pieces), None), column] = _NEVER
-    rows, columns = linear_sum_assignment(changed)
+    rows, columns = cheapest_pairs(changed)
     return float(changed[rows, columns].sum())
 
 

@@ -20,7 +20,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask, what_is_done
 from app.execution.repair.observed import HEIGHTS
@@ -28,6 +27,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind, Look
 from hardware.table import PieceSpec, Place, square_place
+from vision.arrays import cheapest_pairs
 from vision.pieces.verify import Fault, FaultKind
 from vision.standing.sightings import Sighting, Sightings, kind_cost
 
@@ -116,7 +116,7 @@ def whereabouts(
     cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights), nowhere)
     cost[: len(pieces), : len(sightings)] += _strangers(stands, pieces, sightings, untouched)
     cost[: len(pieces), : len(sightings)] += _against_words(stands, pieces, sightings, told)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = cheapest_pairs(cost)
     chosen = dict(zip(rows.tolist(), columns.tolist(), strict=True))
     if any(column < len(sightings) for row, column in chosen.items() if row >= len(pieces)):
         return None  # something that is no piece of the game
@@ -307,7 +307,7 @@ def _is_sure(cost: np.ndarray, pieces: Sequence[PieceSpec], chosen: Mapping[int,
             continue
         other = cost.copy()
         other[[i for i, piece in enumerate(pieces) if _alike(piece, pieces[row])], column] = _IMPOSSIBLE
-        rows, columns = linear_sum_assignment(other)
+        rows, columns = cheapest_pairs(other)
         if float(other[rows, columns].sum()) - cheapest < SURE:
             return False
     return True

@@ -1,5 +1,7 @@
 """What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import signal
@@ -11,17 +13,22 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from app import UserError
 from app.rig.drives import Opener, opener_of
 from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
+from hardware.loading import begin_loading, end_loading
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import keep_settings
+
+if TYPE_CHECKING:
+    from app.rig.simulation.ahead import RigAhead
+    from hardware.sim.render.renderer import StartedDrawing
 
 WORLD_TIMEOUT: Final = 60.0
 """A world with cameras takes a few seconds to start [s, wall]."""
@@ -42,9 +49,14 @@ _INSIDE: Final = "hardware.sim.emulated.ethercat.inside"
 """… in which its controller has to be before anything else."""
 
 
-def spawn(name: str, rig: RigFile) -> subprocess.Popen[bytes]:
-    """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory."""
+def spawn(name: str, rig: RigFile, ahead: RigAhead | None = None) -> subprocess.Popen[bytes]:
+    """Start a process of a rig: world, controller, or simulation; what it says goes to its log in the run directory.
+
+    One that was started ahead goes on instead.
+    """
     run_dir, command = rig.run_dir, _COMMANDS[name]
+    if ahead is not None and (started := ahead.take(name, run_dir, log_of(name, run_dir))):
+        return started
     if _has_network(rig):
         command = _SLAVES if name == "world" else (_INSIDE, str(run_dir), "-m", *command)
     with log_of(name, run_dir).open("ab") as log:
@@ -67,14 +79,37 @@ def last_words(log: Path) -> str | None:
     return next((line.strip() for line in reversed(lines) if line.strip()), None)
 
 
-def run_world(run_dir: Path) -> int:
-    """The simulated world until it is no longer needed; exit status."""
+def _is_told(log: Path) -> bool:
+    """Wait, in a process that was started ahead and has loaded; whether it is wanted: then it speaks to its log."""
+    if not sys.stdin.readline():
+        return False
+    with log.open("ab") as file, Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), sys.stdin.fileno())
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+            os.dup2(file.fileno(), stream.fileno())
+    return True
+
+
+def run_world(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int:
+    """The simulated world until it is no longer needed; exit status.
+
+    ``ahead``: it loads now and begins when it is told; so does what draws, where the world is ``drawn``.
+    """
     from hardware.sim.process.settings import load_settings
 
+    begin_loading()
+    drawing = _drawing(run_dir, alone=False) if drawn else None
+    if ahead:
+        _load_world()
+        if not _is_told(log_of("world", run_dir)):
+            return 0
     if load_settings(run_dir).drives is None:
         from hardware.sim.process.server import world_of
 
-        world_of(run_dir).run()
+        world = world_of(run_dir, drawing)
+        end_loading()
+        world.run()
     else:
         from hardware.sim.emulated.process import run_emulated
 
@@ -82,14 +117,35 @@ def run_world(run_dir: Path) -> int:
     return 0
 
 
-def run_simulation(run_dir: Path) -> int:
-    """World and controller of a run directory in one thread, until the controller is shut down; exit status."""
+def _load_world() -> None:
+    """What a world runs."""
+    import hardware.sim.process.server  # noqa: F401
+
+
+def _drawing(run_dir: Path, *, alone: bool) -> StartedDrawing:
+    """What draws begins to load, too."""
+    from hardware.sim.render.renderer import StartedDrawing
+
+    return StartedDrawing(run_dir, alone=alone)
+
+
+def run_simulation(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int:
+    """World and controller of a run directory in one thread, until the controller is shut down; exit status.
+
+    ``ahead`` and ``drawn`` as of ``run_world``.
+    """
+    begin_loading()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
+    drawing = _drawing(run_dir, alone=True) if drawn else None
     from hardware.sim.process.inner_bus import InnerServoBus
     from hardware.sim.process.server import world_of
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
-    rig, world = load_rig(run_dir / RIG_FILE), world_of(run_dir)
-    import controller.loop.server  # noqa: F401 - takes half a second, in which the renderer starts
+    if ahead:
+        _load_controller()
+        if not _is_told(log_of("simulation", run_dir)):
+            return 0
+    rig, world = load_rig(run_dir / RIG_FILE), world_of(run_dir, drawing)
+    _load_controller()  # takes a while, in which the renderer starts
 
     with world.open():
         return _serve(rig, lambda _parameters: InnerServoBus(world), lambda _host, _port: None)
@@ -112,8 +168,21 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
     return 0
 
 
-def run_controller(run_dir: Path) -> int:
-    """The controller of a run directory until it is shut down; exit status."""
+def _load_controller() -> None:
+    """What a controller runs."""
+    import controller.loop.server
+    import controller.model.reach  # noqa: F401
+
+
+def run_controller(run_dir: Path, *, ahead: bool = False) -> int:
+    """The controller of a run directory until it is shut down; exit status. ``ahead`` as of ``run_world``."""
+    begin_loading()
+    if ahead:
+        import hardware.sim.clients.bus  # noqa: F401
+
+        _load_controller()
+        if not _is_told(log_of("controller", run_dir)):
+            return 0
     rig = load_rig(run_dir / RIG_FILE)
     return _serve(rig, opener_of(rig, lambda: None), lambda _host, _port: None)
 
@@ -175,6 +244,7 @@ def _serve(rig: RigFile, open_bus: Opener, ready: Callable[[str, int], None]) ->
     except ValueError as error:  # the board is out of reach: said before the drives are opened
         raise UserError(str(error)) from error
     bus, section = open_bus(parameters), rig.controller
+    end_loading()
     return serve(bus, parameters, section, rig.run_dir, limits, key_file=section.key, ready=ready)
 
 

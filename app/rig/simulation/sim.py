@@ -20,6 +20,7 @@ from app.rig.devices import EndState, RigFailed
 from app.rig.remote import RemoteRig
 from app.rig.rig_file import RIG_FILE, RigFile, save_rig
 from app.rig.simulation.adopted import Adopted, Process, adopt
+from app.rig.simulation.ahead import RigAhead
 from app.rig.simulation.processes import last_words, log_of, spawn
 from app.rig.simulation.settings import world_settings
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
@@ -62,14 +63,19 @@ class SimRig(RemoteRig):
         self.connect(progress, listener)
 
     @classmethod
-    def begin(cls, rig: RigFile, progress: Callable[[str], None], *, new: bool = True) -> Self:
-        """Its processes start; ``connect`` when everything else is ready. Raises as they do together."""
+    def begin(
+        cls, rig: RigFile, progress: Callable[[str], None], *, new: bool = True, ahead: RigAhead | None = None
+    ) -> Self:
+        """Its processes start, or go on where they were started ahead; ``connect`` when everything else is ready.
+
+        Raises as they do together.
+        """
         rig_begun = cls.__new__(cls)
-        rig_begun._begin(rig, progress, new)
+        rig_begun._begin(rig, progress, new, ahead)
         return rig_begun
 
-    def _begin(self, rig: RigFile, progress: Callable[[str], None], new: bool) -> None:
-        self._rig, self._run_dir, self._new = rig, rig.run_dir, new
+    def _begin(self, rig: RigFile, progress: Callable[[str], None], new: bool, ahead: RigAhead | None = None) -> None:
+        self._rig, self._run_dir, self._new, self._ahead = rig, rig.run_dir, new, ahead
         self._processes: dict[str, Process] = {}
         """The world's first."""
         self._together = rig.world_section.together
@@ -168,7 +174,7 @@ class SimRig(RemoteRig):
 
     def _spawn(self, name: str) -> None:
         with recording(self._run_dir):
-            self._processes[name] = spawn(name, self._rig)
+            self._processes[name] = spawn(name, self._rig, self._ahead)
 
     def _await_controller(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT

@@ -20,9 +20,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from hardware.interfaces import DriveStatus
+from hardware.loading import spare_blas
 
 Array = NDArray[np.float64]
 Wholes = NDArray[np.int64]
+
+spare_blas()
 
 COUNTS: Final = slice(0, 3)
 TOUCH: Final = slice(6, 8)

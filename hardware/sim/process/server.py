@@ -36,7 +36,7 @@ from hardware.sim.process.pacing import Pacer, SpeedMeter
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, ClockService, DriveService, RefereeService
 from hardware.sim.process.settings import END_FILE, WorldSettings, load_settings
-from hardware.sim.render.renderer import MODEL_FILE, Renderer
+from hardware.sim.render.renderer import MODEL_FILE, Renderer, StartedDrawing
 
 STANDING_WAIT = 0.001
 """Pace fast: how long a standing plant listens to others before it answers the controller [s]."""
@@ -63,14 +63,14 @@ Tell = Callable[[Measurement], None]
 class World:
     """One simulated world and its clients; socket, frames and the snapshot at the end lie in its run directory."""
 
-    def __init__(self, run_dir: Path, settings: WorldSettings) -> None:
+    def __init__(self, run_dir: Path, settings: WorldSettings, drawing: StartedDrawing | None = None) -> None:
         self._run_dir = run_dir
         construction = Construction.of(settings)
         drive = construction.drawn.parameters.drive
         self._renderer: Renderer | None = None
         if settings.cameras:
             mujoco.mj_saveModel(construction.model(looks=True), str(run_dir / MODEL_FILE))
-            self._renderer = Renderer(run_dir, alone=settings.pace is Pace.FAST)
+            self._renderer = Renderer(run_dir, alone=settings.pace is Pace.FAST, started=drawing)
         before = load_snapshot(run_dir / STATE_FILE) or load_live_state(run_dir / LIVE_FILE)
         self.plant = plant = construction.plant(before)
         self._left_in_motion = before is not None and not before.at_rest
@@ -392,9 +392,9 @@ class World:
         (self._run_dir / MODEL_FILE).unlink(missing_ok=True)
 
 
-def world_of(run_dir: Path) -> World:
+def world_of(run_dir: Path, drawing: StartedDrawing | None = None) -> World:
     """The world of a run directory; ``HardwareError``: its settings or parameters are missing or impossible."""
     try:
-        return World(run_dir, load_settings(run_dir))
+        return World(run_dir, load_settings(run_dir), drawing)
     except ValueError as error:
         raise HardwareError(f"this world cannot be made: {error}") from error

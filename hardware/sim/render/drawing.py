@@ -20,7 +20,9 @@ from hardware.sim.render.rasteriser import FreeView, Rasteriser
 from hardware.sim.render.renderer import (
     DEPTH_BYTES,
     FRAME_BYTES,
+    GO,
     HEIGHT,
+    LOG_FILE,
     MODEL_FILE,
     READY,
     REPLY,
@@ -180,7 +182,17 @@ def _noise(sensor: Sensor, which: int) -> np.random.Generator:
     return np.random.default_rng([sensor.seed, sensor.tick, which])
 
 
+def _say_into(log: Path) -> None:
+    """From here on what this process says goes there."""
+    with log.open("ab") as file:
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(file.fileno(), stream.fileno())
+
+
 def _serve(run_dir: Path, link: socket.socket) -> None:
+    if link.recv(1 << 16) != GO:
+        return  # nobody wants pictures
+    _say_into(run_dir / LOG_FILE)
     drawer = SceneDrawer(mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE)))
     drawer.warm_up()  # the first picture is slow: shaders are compiled
     files: dict[int, NDArray[np.uint8]] = {}

@@ -10,6 +10,8 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -32,7 +34,9 @@ FRAME_BYTES = DEPTH_BYTES + 3 * 1280 * 720
 HEADER = struct.Struct("<I")
 """Length of the JSON of a ``RenderRequest``, which follows; then the positions as float64."""
 REPLY = struct.Struct("<I")
-READY = b"ready"
+GO, READY = b"go", b"ready"
+"""First word to the process that draws, once its model is there; and its first word."""
+LOG_FILE: Final = "renderer.log"
 MOST_THREADS = min(4, os.cpu_count() or 1)
 """Of Mesa where a picture is waited for, beside the one that asks it to draw."""
 _LONGEST = 64
@@ -128,6 +132,45 @@ def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:
     return Intrinsics(WIDTH, HEIGHT, focal, focal, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1))
 
 
+class StartedDrawing:
+    """A process that draws: it loads, and then waits to be told that its model lies in the run directory.
+
+    Attributes:
+        link: our end of the socket to it.
+        process: ends when the socket closes.
+    """
+
+    def __init__(self, run_dir: Path, *, alone: bool) -> None:
+        """Start it. ``alone``: as of ``Renderer``. The run directory may come later."""
+        self.link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": str(MOST_THREADS if alone else 1)}
+        self._run_dir, self._said = run_dir, tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
+        with far:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "hardware.sim.render.drawing", str(run_dir), str(far.fileno())],
+                pass_fds=[far.fileno()], stdout=self._said, stderr=self._said, stdin=subprocess.DEVNULL,
+                env=environment,
+            )  # fmt: skip
+
+    def begin(self) -> None:
+        """The model is there; what it says goes to its log from here on. One that has ended is found out later."""
+        with suppress(OSError):
+            self.link.send(GO)
+
+    def close(self, patience: float) -> None:
+        """End it, by force if it takes longer than ``patience`` [s]; what it said before its log is added to that."""
+        self.link.close()
+        try:
+            self.process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        if not self._said.closed:
+            with self._said as said, (self._run_dir / LOG_FILE).open("ab") as log:
+                said.seek(0)
+                log.write(said.read())
+
+
 class Renderer:
     """The renderer process as the world sees it: send positions, later take the answer.
 
@@ -135,27 +178,24 @@ class Renderer:
     alone, so that it comes out the same to the last bit.
     """
 
-    def __init__(self, run_dir: Path, *, alone: bool = True) -> None:
+    def __init__(self, run_dir: Path, *, alone: bool = True, started: StartedDrawing | None = None) -> None:
         """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all.
 
         ``alone``: whoever asks waits for the picture, so that it may take all cores; else it keeps to one and a half,
-        beside a plant in real time.
+        beside a plant in real time. ``started``: a process for it that has begun to load.
         """
-        self._run_dir, self._threads = run_dir, MOST_THREADS if alone else 1
+        self._run_dir, self._alone = run_dir, alone
         self._owed: list[bytes] = []
         """Requests without an answer, oldest first."""
         self._deaths = 0
         """Since the last picture."""
-        self._start("wb")
+        (run_dir / LOG_FILE).write_bytes(b"")
+        self._start(started)
 
-    def _start(self, log_mode: str) -> None:
-        self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": str(self._threads)}
-        with far, (self._run_dir / "renderer.log").open(log_mode) as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "hardware.sim.render.drawing", str(self._run_dir), str(far.fileno())],
-                pass_fds=[far.fileno()], stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment,
-            )  # fmt: skip
+    def _start(self, started: StartedDrawing | None = None) -> None:
+        self._drawing = started or StartedDrawing(self._run_dir, alone=self._alone)
+        self._link = self._drawing.link
+        self._drawing.begin()
 
     def _start_again(self) -> None:
         """Another process, asked for what the last one owed; raises ``HardwareError`` where it ends again and again."""
@@ -166,7 +206,7 @@ class Renderer:
             self.close(patience=0.0)
             print("the renderer has ended: another one is started", file=sys.stderr, flush=True)
             try:
-                self._start("ab")
+                self._start()
                 for request in self._owed:
                     self._link.send(request)
             except OSError:
@@ -176,7 +216,7 @@ class Renderer:
     @property
     def pid(self) -> int:
         """Of the process that draws at the moment."""
-        return self._process.pid
+        return self._drawing.process.pid
 
     def wait_ready(self) -> None:
         """Block until it can draw; raises ``HardwareError`` if there is no OpenGL, or it ends again and again."""
@@ -192,8 +232,8 @@ class Renderer:
             if answer == READY:
                 return
             self.close()
-            if stuck or self._process.returncode >= 0:
-                lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
+            if stuck or self._drawing.process.returncode >= 0:
+                lines = (self._run_dir / LOG_FILE).read_text(errors="replace").strip().splitlines()
                 raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
             self._start_again()  # it was killed
 
@@ -234,9 +274,4 @@ class Renderer:
 
     def close(self, patience: float = 5.0) -> None:
         """End the process, by force if it takes longer than ``patience`` [s]."""
-        self._link.close()
-        try:
-            self._process.wait(patience)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._drawing.close(patience)

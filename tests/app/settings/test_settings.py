@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.motion import Profile
-from app.settings.files import as_toml, load_settings, settings_of
+from app.settings.files import as_toml, load_settings, meanings_of, settings_of
 from app.settings.toml import ConfigError
 from app.settings.tree import PlayerKind, Settings
 from hardware.interfaces import Pace
@@ -41,8 +41,9 @@ def test_what_is_printed_is_read_back(tmp_path_factory: Any, changes: dict[str, 
 
 def test_every_field_is_explained() -> None:
     for section in (Settings(), *(value for _, value in Settings() if isinstance(value, BaseModel))):
-        for name, field in type(section).model_fields.items():
-            assert field.description or isinstance(getattr(section, name), BaseModel), name
+        meanings = meanings_of(type(section))
+        for name in type(section).model_fields:
+            assert meanings.get(name) or isinstance(getattr(section, name), BaseModel), name
 
 
 def written(folder: Path, text: str) -> Path:
