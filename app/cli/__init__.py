@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -67,6 +68,10 @@ def main() -> None:
 
     At its end nothing is looked for that could be thrown away: among all that Python and Numba have loaded that takes
     half a second, and the system takes the memory back anyway.
+
+    Matrices are small, at most some hundred rows: OpenBLAS does them in one thread, here and in all processes started
+    from here. Several threads wait for each other, and where the processors are busy they wait for long.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     atexit.register(gc.freeze)
     app()
