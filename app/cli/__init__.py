@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -61,5 +64,14 @@ for _name, _command in _COMMANDS.items():
 
 
 def main() -> None:
-    """Entry point of the command."""
+    """Entry point of the command.
+
+    At its end nothing is looked for that could be thrown away: among all that Python and Numba have loaded that takes
+    half a second, and the system takes the memory back anyway.
+
+    Matrices are small, at most some hundred rows: OpenBLAS does them in one thread, here and in all processes started
+    from here. Several threads wait for each other, and where the processors are busy they wait for long.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    atexit.register(gc.freeze)
     app()

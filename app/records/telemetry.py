@@ -8,13 +8,12 @@ the publish time is wall time. A number that is not finite is null.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
-import queue
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from enum import IntEnum
 from pathlib import Path
@@ -46,6 +45,9 @@ _FLUSH = 1.0
 """A file that is cut off ends at most so much earlier [s, wall]."""
 _WAITING = 1 << 16
 """Telemetry that may wait for the disk: a quarter of an hour of a lab's, half a minute of a quick simulation's."""
+_BATCH: Final = 64
+"""So much telemetry waits for its writing, if it comes quickly enough: who is woken for each finds the processor's
+caches full of other things, and takes ten times as long."""
 _CLOSE_TIMEOUT = 10.0
 """[s]"""
 _ENUMS: Final[dict[str, type[IntEnum]]] = {"state": State, "cause": Cause, "result": Result, "reason": Cause}
@@ -73,12 +75,13 @@ class TelemetryRecorder:
             RecordError: the file cannot be made, or there is one already.
         """
         self._path, self._period = path, period
-        self._queue: queue.Queue[_Arrival | None] = queue.Queue(_WAITING)
+        self._waiting: deque[_Arrival] = deque()
+        self._woken = threading.Event()
         self._lost = 0
         self._error: RecordError | None = None
         self._last: Telemetry | None = None
         self._sequence = 0
-        self._ended = False
+        self._closing = False
         self._scene: SceneRecorder | None = None
         self._shows = True
         """The robot in 3-D; until something of it cannot be shown."""
@@ -105,10 +108,13 @@ class TelemetryRecorder:
 
     def take(self, telemetry: Telemetry) -> None:
         """Record one telemetry; returns at once. For the listener of a client or of a ``TelemetryWatch``."""
-        try:
-            self._queue.put_nowait(_Arrival(telemetry, time.time_ns()))
-        except queue.Full:
+        waiting = self._waiting
+        if len(waiting) >= _WAITING:
             self._lost += 1
+            return
+        waiting.append(_Arrival(telemetry, time.time_ns()))
+        if len(waiting) == _BATCH:
+            self._woken.set()
 
     def close(self) -> None:
         """Write what waits, and end the file; a second call does nothing.
@@ -117,8 +123,8 @@ class TelemetryRecorder:
             RecordError: the disk is full or slow, or the file cannot be written; what is there can be read.
         """
         if self._thread.is_alive():
-            with contextlib.suppress(queue.Full):
-                self._queue.put(None, timeout=_CLOSE_TIMEOUT)
+            self._closing = True
+            self._woken.set()
             self._thread.join(_CLOSE_TIMEOUT)
             if self._thread.is_alive():
                 raise RecordError(
@@ -136,8 +142,10 @@ class TelemetryRecorder:
                 self._write()
         except RecordError as error:
             self._error = error
-            while not self._ended and self._queue.get() is not None:
-                pass
+            while not self._closing:
+                self._waiting.clear()
+                self._woken.wait()
+                self._woken.clear()
 
     def _write(self) -> None:
         writer: Any = Writer(self._file, compression=CompressionType.ZSTD)  # some of its methods are not typed
@@ -146,13 +154,15 @@ class TelemetryRecorder:
         log = _register(writer, LOG_TOPIC, _LOG, _log_schema())
         writer.flush()
         due = time.monotonic() + _FLUSH
-        while (arrival := self._next(due)) is not None:
-            if isinstance(arrival, _Arrival):
-                self._add(writer, channel, log, arrival)
+        while not self._closing or self._waiting:
+            if not self._waiting:
+                self._woken.wait(max(0.0, due - time.monotonic()))
+                self._woken.clear()
+            if self._waiting:
+                self._add(writer, channel, log, self._waiting.popleft())
             if time.monotonic() >= due:
                 writer.flush()
                 due = time.monotonic() + _FLUSH
-        self._ended = True
         if self._last is not None:
             stamp, wall = self._stamp(), time.time_ns()
             for level, sentence in self._show(writer, lambda scene: scene.finish(), wall):
@@ -160,13 +170,6 @@ class TelemetryRecorder:
         if self._lost:
             writer.add_metadata("touchmove", {"lost": str(self._lost)})
         writer.finish()
-
-    def _next(self, due: float) -> _Arrival | float | None:
-        """What came next; the time if it is time to flush, None at the end."""
-        try:
-            return self._queue.get(timeout=max(0.0, due - time.monotonic()))
-        except queue.Empty:
-            return due
 
     def _add(self, writer: Any, channel: int, log: int, arrival: _Arrival) -> None:
         telemetry, wall = arrival

@@ -25,6 +25,8 @@ REPEAT = 0.02
 """What is not answered is repeated after this [s]."""
 _WAKE_SAMPLES = 40
 """A waiting sender is woken when so many more samples were executed; waking it for each telemetry costs more."""
+_WAKE_SAMPLES_LOCKSTEP = 80
+"""The same where plant time waits for samples that are late; there telemetry comes each 45 ticks."""
 
 Listener = Callable[[Telemetry], None]
 
@@ -58,7 +60,7 @@ class Link:
         self._welcome: Welcome | None = None
         self._busy: Busy | None = None
         self._telemetry: Telemetry | None = None
-        self._woken_at = 0
+        self._woken_at, self._wake_samples = 0, _WAKE_SAMPLES
         self._heard = time.monotonic()
         self._refused = False
         self._open = True
@@ -174,13 +176,14 @@ class Link:
                 (self._cookie,) = CHALLENGE.struct.unpack(opened.payload)
             elif opened.kind == DatagramKind.WELCOME:
                 self._welcome = Welcome.unpack(opened.payload)
+                self._wake_samples = _WAKE_SAMPLES_LOCKSTEP if self._welcome.lockstep else _WAKE_SAMPLES
             elif opened.kind == DatagramKind.BUSY:
                 self._busy = Busy.unpack(opened.payload)
             self._news.notify_all()
 
     def _take(self, telemetry: Telemetry) -> None:
         before, self._telemetry = self._telemetry, telemetry
-        executed = abs(telemetry.executed - self._woken_at) >= _WAKE_SAMPLES
+        executed = abs(telemetry.executed - self._woken_at) >= self._wake_samples
         if before is None or executed or _changed(before, telemetry):
             self._woken_at = telemetry.executed
             with self._news:

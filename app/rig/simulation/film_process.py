@@ -5,6 +5,8 @@ It ends with the one that listens: then nobody reads what it says.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import math
 import os
 import queue
@@ -166,6 +168,7 @@ def _view(camera: str | Standpoint) -> str | FreeView:
 def main() -> int:
     """Entry of the process: the wish as JSON."""
     os.nice(NICE)
+    atexit.register(gc.freeze)  # as of the command line
     try:
         draw(FilmWish.model_validate_json(sys.argv[1]))
     except BrokenPipeError:  # who listened is gone

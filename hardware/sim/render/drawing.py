@@ -1,5 +1,7 @@
 """The renderer's process: draws the world at given joint positions into a file, until its socket closes."""
 
+import atexit
+import gc
 import os
 import signal
 import socket
@@ -213,6 +215,7 @@ def main() -> None:
     # Only the world ends this process, by closing the socket; Ctrl-C in a terminal must not tear a picture.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICE)
+    atexit.register(gc.freeze)  # the end is not held up by a search for what could be thrown away
     _serve(run_dir, socket.socket(fileno=number))
 
 
