@@ -37,6 +37,7 @@ p { margin: .4rem 0; max-width: 70ch; }
 a { color: var(--link); }
 .outcome { font-size: 1.1rem; margin: 0 0 .8rem; overflow-wrap: anywhere; }
 .soft, figcaption { color: var(--soft); }
+code { font: .88em ui-monospace, Menlo, Consolas, monospace; overflow-wrap: anywhere; }
 .bad { color: var(--bad); } .good { color: var(--good); }
 dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 11.5rem), 1fr)); gap: .6rem;
   margin: 0; }
@@ -65,7 +66,8 @@ tbody th { font-weight: 600; } .n { text-align: right; white-space: nowrap; }
 .incidents { padding-left: 0; list-style: none; margin: 0; }
 .incidents li { border-left: 3px solid var(--rule); padding: .1rem 0 .1rem .7rem; margin: .5rem 0; max-width: 80ch;
   overflow-wrap: anywhere; }
-.incidents .wrong { border-color: var(--bad); }
+.incidents .wrong { border-color: var(--bad); } .incidents .held { border-color: var(--good); }
+.incidents code { display: block; }
 .incidents .when { color: var(--soft); font-size: .85rem; display: block; }
 .strip { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 10.5rem), 1fr)); gap: .7rem; }
 .strip figure { margin: 0; } .strip img { width: 100%; height: auto; display: block; border-radius: .3rem; }
