@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
+from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
 from app.cli.ending import fail
 from app.cli.games import demo, play, replay, resume, setup, show_config
@@ -52,7 +53,7 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report, "film": film,
-    "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
+    "dataset": dataset, "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
     "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
     "figures": figures, "bench": bench,
 }  # fmt: skip
