@@ -77,7 +77,7 @@ class Moments:
         self._told = told
         self._ticks = told.tick if pictured is None else pictured
         period = float(told.time[-1] / max(told.tick[-1], 1))
-        self._time: NDArray[np.float64] = self._ticks * period
+        self._time = self._ticks.astype(np.float64) * period
         interval = float(np.median(np.diff(self._time))) if len(self._time) > 1 else math.inf
         if fps * interval > 1.0 + _ALIKE:
             most = math.floor((1.0 + _ALIKE) / interval)
@@ -128,7 +128,7 @@ class Moments:
 
     def _episode(self, ply: RecordedPly, chosen: NDArray[np.intp], state: Rows, reference: Rows) -> Demonstration:
         """After the last frame the arm rests: what is commanded there is to stay."""
-        time: NDArray[np.float64] = self._time[chosen]
+        time = self._time[chosen]
         commanded = actions(
             np.vstack((state, state[-1:])), np.vstack((reference, reference[-1:])), np.append(time, time[-1] + 1.0)
         )
