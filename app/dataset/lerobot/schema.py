@@ -30,6 +30,9 @@ GROUP, QUALITY, PRESET = 2, 30, 8
 """Frames from key frame to key frame and constant rate factor, as LeRobot's own default has them; preset of the encoder
 (LeRobot's 12 is made into 11 by the encoder, which warns of what it may look like)."""
 
+ENCODER: Final = {"svtav1-params": "lookahead=0"}
+"""More of the encoder: with key frames so near there is nothing to look ahead for, and fewer pictures wait in it."""
+
 Feature = dict[str, Any]
 """As in ``info.json``: dtype, shape, names, and for videos what they are encoded like."""
 
@@ -125,7 +128,7 @@ def _video(width: int, height: int, fps: int) -> Feature:
         "info": {
             "video.height": height, "video.width": width, "video.codec": "av1", "video.pix_fmt": PIXELS,
             "video.fps": fps, "video.channels": 3, "has_audio": False, "video.g": GROUP, "video.crf": QUALITY,
-            "video.preset": PRESET, "video.fast_decode": 0, "video.video_backend": "pyav", "video.extra_options": {},
-            "is_depth_map": False,
+            "video.preset": PRESET, "video.fast_decode": 0, "video.video_backend": "pyav",
+            "video.extra_options": ENCODER, "is_depth_map": False,
         },
     }  # fmt: skip

@@ -17,7 +17,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from app.dataset.lerobot.schema import CODEC, GROUP, PIXELS, PRESET, QUALITY
+from app.dataset.lerobot.schema import CODEC, ENCODER, GROUP, PIXELS, PRESET, QUALITY
 from app.dataset.lerobot.shards import MIB, Shard
 from app.records.files import RecordError, recording
 
@@ -93,7 +93,7 @@ class VideoShards:
 
     def _begin(self, shard: Shard) -> None:
         self._path = shard.path(self._root, self._template, video_key=self._key)
-        options = {"g": str(GROUP), "crf": str(QUALITY), "preset": str(PRESET)}
+        options = {"g": str(GROUP), "crf": str(QUALITY), "preset": str(PRESET), **ENCODER}
         with recording(self._path):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._container = av.open(str(self._path), "w", format="mp4", options={"movflags": "faststart"})
