@@ -38,6 +38,7 @@ a { color: var(--link); }
 .outcome { font-size: 1.1rem; margin: 0 0 .8rem; overflow-wrap: anywhere; }
 .soft, figcaption { color: var(--soft); }
 code { font: .88em ui-monospace, Menlo, Consolas, monospace; overflow-wrap: anywhere; }
+pre { font: .8rem/1.4 ui-monospace, Menlo, Consolas, monospace; white-space: pre-wrap; overflow-wrap: anywhere; }
 .bad { color: var(--bad); } .good { color: var(--good); }
 dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 11.5rem), 1fr)); gap: .6rem;
   margin: 0; }
@@ -46,9 +47,11 @@ dt { color: var(--soft); font-size: .85rem; } dd { margin: 0; font-weight: 600; 
 nav ul { display: flex; flex-wrap: wrap; gap: .2rem 1rem; padding: 0; margin: .6rem 0; list-style: none; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr)); gap: 1rem;
   align-items: start; }
+.charts:has(> :only-child) { grid-template-columns: minmax(0, 38rem); }
+* + .charts { margin-top: .8rem; }
 .chart { margin: 0; background: var(--panel); border: 1px solid var(--rule); border-radius: .5rem; padding: .8rem;
   min-width: 0; }
-.chart svg { display: block; width: 100%; height: auto; margin: .4rem 0; }
+.chart svg { display: block; width: 100%; height: auto; margin: .4rem 0; overflow: visible; }
 .chart p { font-size: .9rem; } .chart h3 { color: var(--ink); }
 .key { display: flex; flex-wrap: wrap; gap: .1rem .9rem; color: var(--soft); }
 .key span { display: inline-flex; align-items: center; gap: .35rem; }
