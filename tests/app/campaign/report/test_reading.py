@@ -10,6 +10,7 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
+from app import UserError
 from app.campaign.report.findings import findings
 from app.campaign.report.page import campaign_page
 from app.campaign.report.reading import CampaignRowsError, read_rows
@@ -70,7 +71,7 @@ def test_parquet_says_the_same(tmp_path: Path) -> None:
 
 
 def test_what_is_no_campaign_is_said(tmp_path: Path) -> None:
-    with pytest.raises(CampaignRowsError, match=r"there is no campaign in .*: name the folder"):
+    with pytest.raises(CampaignRowsError, match=r"there is no result of a campaign in .*: name a folder"):
         read_rows(tmp_path)
     (tmp_path / "games.parquet").write_bytes(b"no parquet")
     with pytest.raises(CampaignRowsError, match=r"games.parquet' cannot be read as Parquet: .*: make it again"):
@@ -81,5 +82,12 @@ def test_a_line_of_another_version_is_named(tmp_path: Path) -> None:
     line = json.loads(result(0).model_dump_json())
     line["game"]["schema_version"] = 2
     (tmp_path / "results.jsonl").write_text(result(1).model_dump_json() + "\n" + json.dumps(line) + "\n")
-    with pytest.raises(CampaignRowsError, match=r"line 2 is no result of this version \(game.schema_version: "):
+    with pytest.raises(UserError, match=r"line 2, is no result of this version \(game.schema_version: "):
+        read_rows(tmp_path)
+
+
+def test_tables_of_a_newer_version_are_refused(tmp_path: Path) -> None:
+    games = [result(0).game.columns() | {"schema_version": 2}]
+    parquet.write_table(pyarrow.Table.from_pylist(games), tmp_path / "games.parquet")
+    with pytest.raises(CampaignRowsError, match="is of a newer version than 1: read it with the one"):
         read_rows(tmp_path)
