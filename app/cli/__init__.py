@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
+from app.cli.campaign import campaign
 from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
 from app.cli.ending import fail
@@ -59,6 +60,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)
+app.add_typer(campaign, name="campaign")
 
 
 def main() -> None:
