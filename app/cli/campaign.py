@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
+from app.cli.campaign_report import campaign_report
 from app.cli.ending import fail, say, take_interrupts
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ campaign = typer.Typer(
     cls=_FileFirst, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
     help="Play many games drawn by seed over ranges: touchmove campaign FILE.toml --games N. Report, repeat any.",
 )  # fmt: skip
+campaign.command("report")(campaign_report)
 
 
 @campaign.command(_RUN)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from app.campaign.report.analysis.effects import (
     POWER,
-    Estimate,
+    EffectEstimate,
     mean_change,
     paired_rate_change,
     paired_shift,
@@ -87,7 +87,7 @@ class MetricChange:
     metric: Metric
     older: Numbers
     newer: Numbers
-    estimate: Estimate
+    estimate: EffectEstimate
     typical: bool
     p: float
     corrected: float = 1.0
@@ -256,7 +256,7 @@ def _typical_says_something(older: Numbers, newer: Numbers, paired: bool) -> boo
 
 def _figure_measures(
     older: Numbers, newer: Numbers, paired: bool, typical: bool, level: float
-) -> tuple[Estimate, float | None]:
+) -> tuple[EffectEstimate, float | None]:
     if paired:
         away = newer - older
         if typical:

@@ -26,7 +26,7 @@ _SEED: Final = 20
 """Of what is chosen by chance here: the same campaigns give the same page."""
 
 
-class Estimate(NamedTuple):
+class EffectEstimate(NamedTuple):
     """A difference, newer less older, and the interval in which it lies with 95 % confidence."""
 
     value: float
@@ -34,7 +34,7 @@ class Estimate(NamedTuple):
     high: float
 
 
-def paired_shift(differences: Numbers, confidence: float = CONFIDENCE) -> Estimate:
+def paired_shift(differences: Numbers, confidence: float = CONFIDENCE) -> EffectEstimate:
     """Hodges and Lehmann's shift of paired differences, with Wilcoxon's interval."""
     walsh = _walsh(_some(differences))
     count = min(differences.size, _MOST_VALUES)
@@ -43,7 +43,7 @@ def paired_shift(differences: Numbers, confidence: float = CONFIDENCE) -> Estima
     return _middle_of(walsh, half)
 
 
-def unpaired_shift(older: Numbers, newer: Numbers, confidence: float = CONFIDENCE) -> Estimate:
+def unpaired_shift(older: Numbers, newer: Numbers, confidence: float = CONFIDENCE) -> EffectEstimate:
     """Hodges and Lehmann's shift between two samples, with Mann and Whitney's interval."""
     one, other = _some(older), _some(newer)
     between = np.sort(np.subtract.outer(other, one), axis=None)
@@ -52,10 +52,10 @@ def unpaired_shift(older: Numbers, newer: Numbers, confidence: float = CONFIDENC
     return _middle_of(between, half)
 
 
-def _middle_of(ordered: Numbers, half: float) -> Estimate:
+def _middle_of(ordered: Numbers, half: float) -> EffectEstimate:
     """The median of ordered values, and those that lie so many ranks to either side."""
     below = max(0, math.floor(ordered.size / 2.0 - half) - 1)
-    return Estimate(float(np.median(ordered)), float(ordered[below]), float(ordered[ordered.size - 1 - below]))
+    return EffectEstimate(float(np.median(ordered)), float(ordered[below]), float(ordered[ordered.size - 1 - below]))
 
 
 def _walsh(differences: Numbers) -> Numbers:
@@ -70,7 +70,7 @@ def _some(values: Numbers) -> Numbers:
     return np.random.default_rng(_SEED).choice(values, _MOST_VALUES, replace=False)
 
 
-def mean_change(older: Numbers, newer: Numbers | None, confidence: float = CONFIDENCE) -> Estimate:
+def mean_change(older: Numbers, newer: Numbers | None, confidence: float = CONFIDENCE) -> EffectEstimate:
     """The difference of two averages, with an interval by bootstrap over games.
 
     Args:
@@ -84,7 +84,7 @@ def mean_change(older: Numbers, newer: Numbers | None, confidence: float = CONFI
     )
     value = float(older.mean() if newer is None else newer.mean() - older.mean())
     low, high = np.quantile(means, [(1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0])
-    return Estimate(value, float(low), float(high))
+    return EffectEstimate(value, float(low), float(high))
 
 
 def _resampled_means(values: Numbers, rng: np.random.Generator) -> Numbers:
@@ -98,7 +98,7 @@ def _resampled_means(values: Numbers, rng: np.random.Generator) -> Numbers:
     return np.concatenate(blocks)
 
 
-def paired_rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENCE) -> Estimate:
+def paired_rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENCE) -> EffectEstimate:
     """The difference of two rates in pairs, with Newcombe's interval (1998, method 10)."""
     both, neither = int(np.sum(older & newer)), int(np.sum(~older & ~newer))
     only_old, only_new = int(np.sum(older & ~newer)), int(np.sum(newer & ~older))
@@ -108,12 +108,12 @@ def paired_rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENC
     return _newcombe(float(older.mean()), older.size, float(newer.mean()), newer.size, alike, confidence)
 
 
-def rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENCE) -> Estimate:
+def rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENCE) -> EffectEstimate:
     """The difference of two rates of different games, with Newcombe's interval (1998, method 10)."""
     return _newcombe(float(older.mean()), older.size, float(newer.mean()), newer.size, 0.0, confidence)
 
 
-def _newcombe(old: float, olds: int, new: float, news: int, alike: float, confidence: float) -> Estimate:
+def _newcombe(old: float, olds: int, new: float, news: int, alike: float, confidence: float) -> EffectEstimate:
     """Wilson's intervals of both rates put together; ``alike`` is the correlation within pairs."""
     old_low, old_high = _wilson(old, olds, confidence)
     new_low, new_high = _wilson(new, news, confidence)
@@ -122,7 +122,9 @@ def _newcombe(old: float, olds: int, new: float, news: int, alike: float, confid
         return math.sqrt(max(0.0, one**2 - 2.0 * alike * one * other + other**2))
 
     value = new - old
-    return Estimate(value, value - away(new - new_low, old_high - old), value + away(new_high - new, old - old_low))
+    return EffectEstimate(
+        value, value - away(new - new_low, old_high - old), value + away(new_high - new, old - old_low)
+    )
 
 
 def _wilson(rate: float, count: int, confidence: float) -> tuple[float, float]:

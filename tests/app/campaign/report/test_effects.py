@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.campaign.report.analysis.effects import (
-    Estimate,
+    EffectEstimate,
     mean_change,
     paired_rate_change,
     paired_shift,
@@ -26,7 +26,7 @@ def test_shifts_by_hand() -> None:
     assert unpaired_shift(np.array([1.0, 2.0]), np.array([4.0, 8.0])).value == 4.5
 
 
-def pairs_of_one_game(rng: np.random.Generator) -> Estimate:
+def pairs_of_one_game(rng: np.random.Generator) -> EffectEstimate:
     """Half of what fails in the newer one failed in the older one, too."""
     older = rng.random(100) < 0.1
     return paired_rate_change(older, older | (rng.random(100) < 0.1 / 0.9))
@@ -44,7 +44,7 @@ def pairs_of_one_game(rng: np.random.Generator) -> Estimate:
     ],
     ids=["pairs", "samples", "counts", "means", "rates", "rates of pairs"],
 )
-def test_intervals_hold_in_19_of_20(estimate: Callable[[np.random.Generator], Estimate], truth: float) -> None:
+def test_intervals_hold_in_19_of_20(estimate: Callable[[np.random.Generator], EffectEstimate], truth: float) -> None:
     rng = np.random.default_rng(8)
     found = [estimate(rng) for _ in range(200)]
     assert all(one.low <= one.value <= one.high for one in found)

@@ -6,20 +6,16 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 from app.campaign.schema import Outcome
-from app.cli.campaign_report import campaign_report
+from app.cli import app
 from tests.app.campaign.report.test_campaign_page import Walk
 from tests.app.campaign.report.test_reading import result, write
 
-COMMAND = typer.Typer()
-COMMAND.command()(campaign_report)
-
 
 def run(*arguments: object) -> Result:
-    return CliRunner().invoke(COMMAND, [str(one) for one in arguments])
+    return CliRunner().invoke(app, ["campaign", "report", *map(str, arguments)])
 
 
 @pytest.fixture
