@@ -1,6 +1,7 @@
 """Episodes: the moments of a ply that are its frames, and what was observed and commanded at each.
 
-A frame is a moment that was recorded: state and picture are of one and the same tick, and nothing is interpolated.
+A frame is a moment that was recorded: nothing is interpolated. State and picture are of one and the same tick, where
+both are recorded at the same ticks as a quick simulation does; else the state is the one nearest to the picture.
 No whole number of frames a second is a whole number of ticks. A quick simulation records each 45 ticks, 25.25 times a
 second: at 25 frames a second those moments are the frames, evenly, although 39.6 ms pass from one to the next and not
 40. At a rate that is no such neighbour, frame k is the moment nearest to k/fps after the first. ``plant_time`` has the

@@ -49,7 +49,7 @@ class DatasetReport(Frozen):
 
 
 @dataclass(slots=True)
-class _Tally:
+class _EpisodeTally:
     """What is done so far."""
 
     whole: int
@@ -81,7 +81,8 @@ def make_dataset(wish: DatasetWish, progress: Progress, said: Said) -> DatasetRe
     """
     began, views = time.monotonic(), _views(wish)
     matches = [plies_of_match(folder, games, wish.source, said) for folder, games in match_folders(wish.source)]
-    tally = _Tally(sum(len(match.plies) for match in matches))
+    tally = _EpisodeTally(sum(len(match.plies) for match in matches))
+    progress(0, tally.whole)
     with appearing(wish.output) as folder:
         writer = _writer(wish, folder, views)
         try:
@@ -114,7 +115,7 @@ def _writer(wish: DatasetWish, folder: Path, views: dict[str, str | Standpoint])
     return LeRobotWriter(folder, tuple(views), (wish.width, wish.height), wish.fps)
 
 
-def _nothing(wish: DatasetWish, tally: _Tally) -> str:
+def _nothing(wish: DatasetWish, tally: _EpisodeTally) -> str:
     if tally.skipped:
         return tally.skipped[0]
     reasons = ", ".join(f"{number} {why}" for why, number in tally.left_out.items())
@@ -122,8 +123,8 @@ def _nothing(wish: DatasetWish, tally: _Tally) -> str:
 
 
 def _add_match(
-    match: MatchPlies, wish: DatasetWish, views: dict[str, str | Standpoint], writer: EpisodeWriter, tally: _Tally,
-    progress: Progress,
+    match: MatchPlies, wish: DatasetWish, views: dict[str, str | Standpoint], writer: EpisodeWriter,
+    tally: _EpisodeTally, progress: Progress,
 ) -> None:  # fmt: skip
     """Its episodes; a match without what is needed is skipped, and it is said why."""
     positions = match.folder / TRAJECTORY_FILE
@@ -152,7 +153,7 @@ def _add_match(
             progress(tally.done, tally.whole)
 
 
-def _kept(found: Iterator[Demonstration | LeftOut], tally: _Tally) -> Iterator[Demonstration]:
+def _kept(found: Iterator[Demonstration | LeftOut], tally: _EpisodeTally) -> Iterator[Demonstration]:
     for one in found:
         if isinstance(one, LeftOut):
             tally.left_out[str(one)] += 1

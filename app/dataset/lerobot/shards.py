@@ -19,15 +19,15 @@ MIB: Final = 1024.0 * 1024.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shard:
+class FilePlace:
     """Which file: its folder's number, and its own in that."""
 
     chunk: int = 0
     file: int = 0
 
-    def after(self, chunk_size: int) -> Shard:
+    def after(self, chunk_size: int) -> FilePlace:
         """The next one."""
-        return Shard(self.chunk + 1, 0) if self.file == chunk_size - 1 else Shard(self.chunk, self.file + 1)
+        return FilePlace(self.chunk + 1, 0) if self.file == chunk_size - 1 else FilePlace(self.chunk, self.file + 1)
 
     def path(self, root: Path, template: str, **names: str) -> Path:
         """In a dataset."""
@@ -48,17 +48,17 @@ class ParquetShards:
     def __init__(self, root: Path, template: str, schema: pa.Schema, largest: float, chunk_size: int) -> None:
         self._root, self._template, self.schema = root, template, schema
         self._largest, self._chunk_size = largest * MIB, chunk_size
-        self._shard: Shard | None = None
+        self._shard: FilePlace | None = None
         self._file: IO[bytes] | None = None
         self._writer: Any = None
         self._rows = 0
         self.paths = list[Path]()
         """Of all files so far."""
 
-    def place(self, rows: int) -> Shard:
+    def place(self, rows: int) -> FilePlace:
         """Where the next table of so many rows goes."""
         if self._shard is None:
-            self._begin(Shard())
+            self._begin(FilePlace())
         elif self._rows and self._written() * (1.0 + rows / self._rows) >= self._largest:
             self.close()
             self._begin(self._shard.after(self._chunk_size))
@@ -84,7 +84,7 @@ class ParquetShards:
         with suppress(RecordError):
             self.close()
 
-    def _begin(self, shard: Shard) -> None:
+    def _begin(self, shard: FilePlace) -> None:
         path = shard.path(self._root, self._template)
         with recording(path):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from app.dataset.games import RecordedPly
 from app.dataset.lerobot.schema import TASKS_PATH, Feature, video_key
-from app.dataset.lerobot.shards import Shard
+from app.dataset.lerobot.shards import FilePlace
 from app.dataset.lerobot.statistics import NAMES, FeatureStats
 from app.records.files import recording
 
@@ -46,7 +46,7 @@ def played(ply: RecordedPly) -> dict[str, Any]:
     return {"game": ply.game, "uci": ply.uci, "fen": ply.fen, "seed": ply.seed, "ply": ply.number}
 
 
-def placed(key: str, shard: Shard) -> dict[str, int]:
+def placed(key: str, shard: FilePlace) -> dict[str, int]:
     """In which file something of an episode is."""
     return {f"{key}/chunk_index": shard.chunk, f"{key}/file_index": shard.file}
 

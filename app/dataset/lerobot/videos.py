@@ -18,7 +18,7 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from app.dataset.lerobot.schema import CODEC, ENCODER, GROUP, PIXELS, PRESET, QUALITY
-from app.dataset.lerobot.shards import MIB, Shard
+from app.dataset.lerobot.shards import MIB, FilePlace
 from app.records.files import RecordError, recording
 
 _LONGEST: Final = 1000.0
@@ -47,16 +47,16 @@ class VideoShards:
         os.environ.update(QUIET)
         self._root, self._template, self._key, self._size, self._fps = root, template, key, size, fps
         self._largest, self._chunk_size = largest * MIB, chunk_size
-        self._shard: Shard | None = None
+        self._shard: FilePlace | None = None
         self._container: OutputContainer | None = None
         self._stream: VideoStream | None = None
         self._path = root
         self._frames = self._coded = self._bytes = 0
 
-    def place(self, frames: int) -> tuple[Shard, float]:
+    def place(self, frames: int) -> tuple[FilePlace, float]:
         """Where the next episode of so many frames goes: which file, and from when on in it [s]."""
         if self._shard is None:
-            self._begin(Shard())
+            self._begin(FilePlace())
         elif self._frames and self._is_full(frames):
             self.close()
             self._begin(self._shard.after(self._chunk_size))
@@ -91,7 +91,7 @@ class VideoShards:
             return True
         return bool(self._coded) and self._bytes / self._coded * (self._frames + frames) >= self._largest
 
-    def _begin(self, shard: Shard) -> None:
+    def _begin(self, shard: FilePlace) -> None:
         self._path = shard.path(self._root, self._template, video_key=self._key)
         options = {"g": str(GROUP), "crf": str(QUALITY), "preset": str(PRESET), **ENCODER}
         with recording(self._path):

@@ -59,7 +59,7 @@ def made(game: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[DatasetR
     output = tmp_path_factory.mktemp("made") / "set"
     wish = DatasetWish(source=game, output=output, width=WIDTH, height=HEIGHT)
     report = make_dataset(wish, lambda *done: told.append(done), print)
-    assert told == [(1, 2), (2, 2)]
+    assert told == [(0, 2), (1, 2), (2, 2)]
     return report, LeRobotReader(output)
 
 
