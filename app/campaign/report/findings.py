@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from pydantic import BaseModel
 
 from app.campaign.report.analysis.comparing import (
     GameMatch,
     MetricChange,
     changes,
     differ,
+    known,
     level_of,
     matched,
     sides_of,
@@ -25,8 +27,9 @@ from app.campaign.report.analysis.locating import located
 from app.campaign.report.analysis.metrics import FAILED, METRICS, OUTCOMES, Metric
 from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows
-from app.campaign.report.analysis.statistics import RateBounds, rate_at_most, rate_bounds
+from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
 from app.campaign.report.gate import GateBars, GateVerdict, QuantileBar, bars_by_figure, judged
+from app.settings.toml import toml_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,17 +112,17 @@ class CampaignComparison:
     Attributes:
         match: which games were held against which.
         changes: of each metric in which anything differs, those that were found located; in the order of the metrics.
-        same: metrics of which there is nothing to test, since every figure is the same.
+        same: metrics that were measured and of which there is nothing to test, since every figure is the same.
         visible: something that happened in a larger share of the newer games, and in none of the older, would have been
             seen; None: there are too few games.
-        environments: digests of the environments of both.
+        differences: in what was drawn, and in the environments; None: nobody can say.
     """
 
     match: GameMatch
     changes: tuple[MetricChange, ...]
     same: tuple[Metric, ...]
     visible: float | None
-    environments: tuple[tuple[str, ...], tuple[str, ...]]
+    differences: tuple[str, ...] | None
 
     @property
     def found(self) -> tuple[MetricChange, ...]:
@@ -190,14 +193,35 @@ def compared(older: CampaignRows, newer: CampaignRows) -> CampaignComparison:
     found = tuple(
         replace(change, where=located(change, match)) if change.found else change for change in changes(match)
     )
-    same = tuple(metric for metric in METRICS if not differ(*sides_of(metric, match), match.paired))
+    same = tuple(metric for metric in METRICS if _the_same(*sides_of(metric, match), match.paired))
     none = np.zeros(len(match.older.games)), np.zeros(len(match.newer.games))
     visible = visible_rate(*none, match.paired, level_of(len(found) + 1))
-    return CampaignComparison(match, found, same, visible, (_environments(older), _environments(newer)))
+    return CampaignComparison(match, found, same, visible, _differences(older, newer))
 
 
-def _environments(rows: CampaignRows) -> tuple[str, ...]:
-    return tuple(sorted({one for one in rows.games.words("environment") if one is not None}))
+def _the_same(older: Numbers, newer: Numbers, paired: bool) -> bool:
+    measured = min(known(older).size, known(newer).size) > 0
+    return measured and not differ(older, newer, paired)
+
+
+def _differences(older: CampaignRows, newer: CampaignRows) -> tuple[str, ...] | None:
+    """What is otherwise in the newer campaign, a phrase each: what its file draws, then its environment."""
+    if older.kept is None or newer.kept is None:
+        return None
+    before, now = older.kept.spec.draw, newer.kept.spec.draw
+    drawn = tuple(
+        f"{name} is {_drawn(now, name)} instead of {_drawn(before, name)}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
+    )
+    return drawn + older.kept.environment.differences(newer.kept.environment)
+
+
+def _drawn(draw: Mapping[str, Any], name: str) -> str:
+    if name not in draw:
+        return "not given"
+    value = draw[name]
+    return toml_value(value.model_dump(by_alias=True) if isinstance(value, BaseModel) else value)
 
 
 def _rates(rows: CampaignRows) -> tuple[OutcomeRate, ...]:

@@ -69,8 +69,10 @@ def _header(found: CampaignFindings, name: str) -> Html:
         said = f"missed {missed} of {len(found.verdicts)} bars" if missed else "held"
         facts.append(("Gate", said, "bad" if missed else "good"))
     shown = (tag("div", tag("dt", what), tag("dd", value, class_=look)) for what, value, look in facts)
+    title = "" if rows.kept is None else rows.kept.spec.title
     return tag(
-        "header", tag("h1", f"Campaign {name}"), tag("p", lead(found), class_="outcome"), tag("dl", *shown),
+        "header", tag("h1", f"Campaign {name}"), *([tag("p", title, class_="soft")] if title else []),
+        tag("p", lead(found), class_="outcome"), tag("dl", *shown),
     )  # fmt: skip
 
 

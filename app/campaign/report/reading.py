@@ -37,8 +37,8 @@ def read_rows(folder: Path) -> CampaignRows:
         )
     games = games.where(np.argsort(games.numbers("seed"), kind="stable"))
     plies = plies.where(np.lexsort((plies.numbers("ply"), plies.numbers("seed"))))
-    wanted = kept_campaign(folder).games if (folder / CAMPAIGN_FILE).is_file() else None
-    return CampaignRows(str(folder), games, plies, wanted)
+    kept = kept_campaign(folder) if (folder / CAMPAIGN_FILE).is_file() else None
+    return CampaignRows(str(folder), games, plies, None if kept is None else kept.games, kept)
 
 
 def _from_ledgers(folder: Path) -> tuple[RowTable, RowTable]:

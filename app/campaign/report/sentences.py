@@ -94,9 +94,11 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     else:
         said.append(f"Few seeds are in both campaigns, so all games are compared as two samples: "
                     f"{len(match.older.games)} older, {len(match.newer.games)} newer.")  # fmt: skip
-    older, newer = comparison.environments
-    if older and newer and older == newer:
-        said.append("Both were played in the same environment: program, engine and packages are alike.")
+    if comparison.differences is not None:
+        said.append(
+            f"Otherwise in this one: {'; '.join(comparison.differences)}." if comparison.differences
+            else "Both draw the same, and were played by the same program, engine and packages."
+        )  # fmt: skip
     return said
 
 

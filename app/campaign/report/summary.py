@@ -84,6 +84,7 @@ def _comparison(comparison: CampaignComparison) -> Mapping[str, Any]:
         "games": len(match.newer.games),
         "left_out": match.left_out,
         "alike_to_the_last_bit": match.alike,
+        "differences": None if comparison.differences is None else list(comparison.differences),
         "metrics": [_change(change) for change in comparison.changes],
         "nothing_differs_in": [metric.key for metric in comparison.same],
     }

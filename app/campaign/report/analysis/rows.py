@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.campaign.folder import KeptCampaign
 from app.campaign.report.analysis.statistics import Flags, Numbers
 
 Words = NDArray[np.object_]
@@ -69,12 +70,14 @@ class CampaignRows:
         games: one row each.
         plies: one row each, in the order of games and plies.
         wanted: so many games the campaign has; None: nobody said.
+        kept: what was drawn, and the environment; None: likewise.
     """
 
     name: str
     games: RowTable
     plies: RowTable
     wanted: int | None = None
+    kept: KeptCampaign | None = None
 
     @property
     def seeds(self) -> NDArray[np.int64]:

@@ -10,11 +10,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from app.campaign.environment import CampaignEnvironment
+from app.campaign.folder import KeptCampaign
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
 from app.campaign.report.findings import CampaignFindings, findings
 from app.campaign.report.gate import GateBars
 from app.campaign.report.page import MOST_FAILURES, campaign_page, repeat_command
 from app.campaign.report.summary import summary_json
+from app.campaign.spec import CampaignSpec
 from tests.app.campaign.report.synthetic import Columns, campaign, captures_are_slower, dark_rooms_fail
 from tests.app.report.test_page import HOSTILE, Walk
 
@@ -160,10 +163,22 @@ def test_many_failures_are_cut_off_and_said() -> None:
     assert "7 more are in games.parquet." in page.said("p")
 
 
-def test_the_older_environment_is_named_only_where_it_is_the_same() -> None:
+def kept(profile: str, sources: str) -> KeptCampaign:
+    environment = CampaignEnvironment(sources=sources, python="3", packages={}, engine="x", files={}, threads={})
+    draw = {"rig.profile": profile, "engine.nodes": {"from": 100, "to": 500}}
+    return KeptCampaign(games=12, spec=CampaignSpec(title="Slowly", draw=draw), environment=environment)
+
+
+def test_what_differs_between_the_campaigns_is_said_where_it_is_known() -> None:
     rows = campaign(range(12), 1)
-    assert "the same environment" in Walk(campaign_page(findings(rows, rows))).text
-    assert "the same environment" not in Walk(campaign_page(findings(rows, campaign(range(12), 2)))).text
+    older, newer = replace(rows, kept=kept("default", "abc")), replace(rows, kept=kept("gentle", "xyz"))
+    text = Walk(campaign_page(findings(newer, older))).text
+    assert 'Otherwise in this one: rig.profile is "gentle" instead of "default"; sources is xyz instead of abc.' in text
+    assert "Slowly" in text
+    assert "Both draw the same, and were played by the same program" in Walk(campaign_page(findings(older, older))).text
+    unknown = Walk(campaign_page(findings(rows, older))).text
+    assert "Otherwise" not in unknown
+    assert "Both draw" not in unknown
 
 
 def test_programs_are_told_the_same(compared: CampaignFindings) -> None:
