@@ -98,6 +98,7 @@ svg .value { fill: var(--q-ink); font-size: 10px; } svg .on-q5 { fill: #fff; }
   svg text { font-size: 13.5px; } svg .limit-name { font-size: 12px; } svg .value { font-size: 10.5px; } }
 @media print { body { font-size: 10pt; } .chart, .strip figure, tr, li { break-inside: avoid; }
 h2 { break-after: avoid; }
+  table { font-size: 7.5pt; } .n { white-space: normal; } .scroll th, .scroll td { padding: .15rem .3rem; }
   .scroll, .tall, .chart .scroll { max-height: none; overflow: visible; border: 0; } thead th { position: static; }
   .charts { grid-template-columns: 1fr 1fr; } .strip { grid-template-columns: repeat(4, 1fr); }
   summary { color: inherit; } }

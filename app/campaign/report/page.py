@@ -113,8 +113,8 @@ def _compared(found: CampaignFindings) -> Html:
     heads = ("metric", ">games", ">before", ">now", ">difference", ">95 % interval", ">p", ">p corrected",
              ">visible at 80 % power", "said")  # fmt: skip
     table = DataTable(heads, [change_row(change) for change in comparison.changes]).html(
-        "All metrics that were tested. The difference is the typical one, or where many games are equal that of the "
-        "averages; the corrected p is Holm’s."
+        "All metrics that were tested. The difference is the typical one where ranks tell it best, else that of the "
+        "averages; p is corrected by Holm."
     )
     shown = [scrolling(table, "All metrics")] if comparison.changes else []
     tables = [

@@ -212,7 +212,7 @@ def change_row(change: MetricChange) -> tuple[str, ...]:
         _signed_alone(metric, estimate.value),
         f"{_signed_alone(metric, estimate.low)} to {_signed_alone(metric, estimate.high)}",
         chance(change.p), chance(change.corrected), "–" if change.visible is None else _plain(metric, change.visible),
-        ("worse" if change.worse else "better") if change.found else "no difference",
+        ("worse" if change.worse else "better") if change.found else "not found",
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def test_the_comparison_is_told_in_words_and_numbers(page: Walk) -> None:
     assert "Worse: games that failed: " in said
     assert "It sits where randomisation.light_brightness is" in said
     assert "would have been seen with 80 % power" in said
-    assert {"worse", "no difference"} <= set(page.said("td"))
+    assert {"worse", "not found"} <= set(page.said("td"))
 
 
 def test_every_failure_has_its_reason_and_its_command(compared: CampaignFindings, page: Walk) -> None:
