@@ -18,7 +18,7 @@ from app.campaign.drawing import draw
 from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
 from app.campaign.ledger import WHOLE, Ledger, Shard
-from app.campaign.local import LocalWorkers
+from app.campaign.local import MOST_TASKS, LocalWorkers
 from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
 from app.campaign.schema import GAMES_FOLDER, GameRow, Outcome, TaskKind, TaskResult
 from app.campaign.spec import CampaignSpec, ChoiceRange
@@ -49,7 +49,8 @@ class CampaignWish:
         scheduler: address of Dask's instead; None: this machine.
         shard: only this part of the tasks.
         keep: folders of which games.
-        play: what a worker does; another one for tests.
+        play: what a worker does; another one for measurements.
+        most_tasks: of a worker on this machine; see ``LocalWorkers``.
         pause: see ``Scheduling``.
     """
 
@@ -60,6 +61,7 @@ class CampaignWish:
     shard: Shard = WHOLE
     keep: Kept = Kept.FAILED
     play: Callable[[str], str] = play_task
+    most_tasks: int = MOST_TASKS
     pause: float = 10.0
 
 
@@ -189,7 +191,7 @@ def _workers(wish: CampaignWish) -> Iterator[_Workers]:
             )  # fmt: skip
         return
     number = wish.workers or len(os.sched_getaffinity(0))
-    local = LocalWorkers(number)
+    local = LocalWorkers(number, wish.most_tasks)
     try:
         yield _Workers(
             lambda order, idle: Scheduling(local, order, wish.play, lambda: WINDOW * number, (), wish.pause, idle),
