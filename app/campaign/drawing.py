@@ -129,9 +129,7 @@ def _require_sense(task: CampaignTask) -> None:
     settings, start = task.settings, task.start
     chosen = start.line or settings.game.moves is not None or task.kind is TaskKind.SETUP
     if start.plies and (settings.game.fen is not None or chosen):
-        raise ValueError(
-            "start.plies goes with no other beginning: leave it, or game.fen, game.moves and start.line, out"
-        )
+        raise ValueError("start.plies is a beginning: leave it out, or game.fen, game.moves and start.line")
     engine, sides = settings.engine, (settings.white, settings.black)
     if not chosen and engine.nodes is None and engine.move_time is None and all(side.elo is None for side in sides):
         raise ValueError("engines that think by time play no game twice: give engine.nodes, such as 2000")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 import app
-from app.campaign.threads import SUMS
+from app.campaign.workers.threads import SUMS
 from engine.process import UciProcess
 from engine.stockfish import find_engine
 from hardware.frozen import Frozen

@@ -10,10 +10,11 @@ from app.campaign.drawing import draw
 from app.campaign.environment import environment_here
 from app.campaign.folder import kept_campaign
 from app.campaign.ledger import ledgers_in, results_in
-from app.campaign.local import LocalWorkers
 from app.campaign.running import engine_of, files_of, require_games
 from app.campaign.schema import GAMES_FOLDER, MEASURED, GameRow, TaskResult
-from app.campaign.worker import Kept, TaskOrder, play_again
+from app.campaign.workers.local import LocalWorkers
+from app.campaign.workers.order import Kept, TaskOrder
+from app.campaign.workers.worker import play_again
 from hardware.frozen import Frozen
 
 

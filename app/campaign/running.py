@@ -13,19 +13,20 @@ from typing import Any, Final, Protocol
 
 from pydantic import NonNegativeInt
 
-from app.campaign.cluster import open_cluster
 from app.campaign.drawing import draw
 from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
 from app.campaign.ledger import WHOLE, Ledger, Shard
-from app.campaign.local import MOST_TASKS, LocalWorkers
 from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
-from app.campaign.schema import GAMES_FOLDER, GameRow, Outcome, TaskKind, TaskResult
+from app.campaign.schema import GAMES_FOLDER, GameRow, TaskKind, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec, ChoiceRange
 from app.campaign.tables import write_tables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
-from app.campaign.worker import Kept, TaskOrder, play_task
+from app.campaign.workers.cluster import open_cluster
+from app.campaign.workers.local import MOST_TASKS, LocalWorkers
+from app.campaign.workers.order import Kept, TaskOrder
+from app.campaign.workers.worker import play_task
 from app.records.files import recording
 from hardware.frozen import Frozen
 
@@ -72,7 +73,7 @@ class CampaignSummary(Frozen):
     games: NonNegativeInt
     """That were to be played here: all, or a shard's."""
     done: NonNegativeInt
-    outcomes: dict[Outcome, NonNegativeInt]
+    outcomes: dict[TaskOutcome, NonNegativeInt]
     failed: tuple[GameRow, ...]
     wall_s: float
     played: NonNegativeInt
@@ -107,7 +108,7 @@ class _Workers:
 
 @dataclass(slots=True)
 class _Tally:
-    outcomes: Counter[Outcome] = field(default_factory=Counter)
+    outcomes: Counter[TaskOutcome] = field(default_factory=Counter)
     failed: list[GameRow] = field(default_factory=list)
 
     def add(self, game: GameRow) -> None:

@@ -41,7 +41,7 @@ class TaskKind(StrEnum):
     """The arm makes one random position of another."""
 
 
-class Outcome(StrEnum):
+class TaskOutcome(StrEnum):
     """How a game ended."""
 
     RIGHT = "right"
@@ -64,7 +64,7 @@ class GameRow(Frozen):
     """In the campaign, from 0."""
     seed: NonNegativeInt
     kind: TaskKind
-    outcome: Outcome
+    outcome: TaskOutcome
     reason: str
     """Why it ended; of a failure, what failed."""
     said: str | None = None
@@ -124,7 +124,7 @@ class GameRow(Frozen):
     @property
     def failed(self) -> bool:
         """Whether it is one of the campaign's failures."""
-        return self.outcome not in (Outcome.RIGHT, Outcome.MENDED)
+        return self.outcome not in (TaskOutcome.RIGHT, TaskOutcome.MENDED)
 
 
 class PlyRow(Frozen):

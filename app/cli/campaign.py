@@ -57,7 +57,7 @@ def run(
     from app.campaign.folder import load_spec
     from app.campaign.ledger import Shard
     from app.campaign.running import CampaignWish
-    from app.campaign.worker import Kept
+    from app.campaign.workers.order import Kept
 
     if keep not in list(Kept):
         fail(f"'--keep {keep}' is unknown, choose from: {', '.join(Kept)}")

@@ -20,7 +20,7 @@ import chess
 import numpy as np
 
 from app.campaign.task import CampaignTask
-from app.campaign.tasks.mishaps import Told
+from app.campaign.tasks.mishaps import ListeningPerson
 from app.campaign.tasks.playing import GAME, asked_for, interface, line_of, note_end, prepared
 from app.campaign.tasks.rows import TaskStory
 from app.execution.state import EXPECTED_FAILURES
@@ -171,7 +171,7 @@ def _count(game: Path, what: bytes) -> int:
     return events.read_bytes().count(what) if events.exists() else 0
 
 
-class _Kept(Told):
+class _Kept(ListeningPerson):
     """What the program was told, on the disk after each ply: it may be killed at any moment."""
 
     def __init__(self, path: Path) -> None:

@@ -23,7 +23,7 @@ SHIFT: Final = (0.006, 0.012)
 """A shifted piece ends up so far off its middle [m]."""
 
 
-class Told(UserInterface):
+class ListeningPerson(UserInterface):
     """Remembers what a person at the board was told and asked.
 
     Attributes:
@@ -47,7 +47,7 @@ class Told(UserInterface):
         self.asked += not turn
 
 
-class ClumsyHands(UserInterface):
+class MeddlingHands(UserInterface):
     """Sees each ply, and every so often a hand then does harm in the world of a run directory; the seed decides what.
 
     Args:

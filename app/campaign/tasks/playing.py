@@ -13,7 +13,7 @@ from app.campaign.schema import TaskKind
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.acts import LEGAL
 from app.campaign.tasks.lines import random_game, random_position
-from app.campaign.tasks.mishaps import ClumsyHands, ReachingHands, Told
+from app.campaign.tasks.mishaps import ListeningPerson, MeddlingHands, ReachingHands
 from app.campaign.tasks.relay import LossyRelay
 from app.campaign.tasks.rows import TaskStory
 from app.campaign.tasks.scripted_person import ScriptedPerson
@@ -54,7 +54,7 @@ def play_here(task: CampaignTask, folder: Path, film: bool) -> TaskStory:
             story, _ = play_session(task, settings)
         else:
             story = TaskStory(asked_for=asked_for(task, settings), line=line_of(settings))
-            told = Told()
+            told = ListeningPerson()
             with interface(task, settings, told) as (ui, mishaps):
                 _play(story, lambda: run_games(settings, ui))
                 story.mishaps = mishaps()
@@ -138,7 +138,7 @@ def interface(
         reaching = ReachingHands(run_dir, task.seed, faults.hands, table)
         members.append(reaching)
     if faults.knocks and table is not None:
-        clumsy = ClumsyHands(run_dir, task.seed, faults.knocks, table)
+        clumsy = MeddlingHands(run_dir, task.seed, faults.knocks, table)
         members.append(clumsy)
     try:
         yield (

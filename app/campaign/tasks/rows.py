@@ -12,7 +12,7 @@ from typing import Any
 import chess
 
 from app.campaign.environment import host_and_cpu
-from app.campaign.schema import GameRow, Outcome, PlyRow, TaskResult
+from app.campaign.schema import GameRow, PlyRow, TaskOutcome, TaskResult
 from app.campaign.task import CampaignTask
 from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.records.events import AnyEvent, StartEvent, TaskDoneEvent, TroubleEvent
@@ -91,17 +91,17 @@ def crashed(task: CampaignTask, reason: str, log: str, environment: str, **also:
     """Of a task that has left nothing else."""
     host, cpu = host_and_cpu()
     return TaskResult(game=GameRow(
-        index=task.index, seed=task.seed, kind=task.kind, outcome=Outcome.CRASHED, reason=reason, log=log,
+        index=task.index, seed=task.seed, kind=task.kind, outcome=TaskOutcome.CRASHED, reason=reason, log=log,
         repeatable=task.repeatable, environment=environment, host=host, cpu=cpu, drawn=task.drawn, **also,
     ))  # fmt: skip
 
 
-def _outcome(story: TaskStory, plies: Sequence[PlyEvent], wrong_plies: int, repairs: int) -> Outcome:
+def _outcome(story: TaskStory, plies: Sequence[PlyEvent], wrong_plies: int, repairs: int) -> TaskOutcome:
     if wrong_plies or story.wrong is not None or not story.as_asked(plies):
-        return Outcome.WRONG
+        return TaskOutcome.WRONG
     if not story.completed:
-        return Outcome.UNMENDED
-    return Outcome.MENDED if repairs or story.asked or story.resumed else Outcome.RIGHT
+        return TaskOutcome.UNMENDED
+    return TaskOutcome.MENDED if repairs or story.asked or story.resumed else TaskOutcome.RIGHT
 
 
 def _reason(story: TaskStory, plies: Sequence[PlyEvent]) -> str:

@@ -5,8 +5,6 @@ No game is played: stubs of known duration give rows as long as those of a game 
 
 from __future__ import annotations
 
-import os
-import signal
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -15,17 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from pydantic import Field
-
 from app.campaign.ledger import WHOLE, results_in
-from app.campaign.local import LocalWorkers
 from app.campaign.running import CampaignWish, run_campaign
-from app.campaign.schema import GameRow, Outcome, PlyRow, TaskResult
+from app.campaign.schema import GameRow
 from app.campaign.spec import CampaignSpec
-from app.campaign.troubles import MachineTrouble
-from app.campaign.worker import TaskOrder
+from app.campaign.workers.local import LocalWorkers
+from app.campaign.workers.stub import PLIES, StubPlan, play_stub
 from app.measure.bench.report import BenchReport, Progress, row
-from hardware.frozen import Frozen
 
 TASKS: Final = {True: 1000, False: 10000}
 """By ``quick``."""
@@ -36,54 +30,7 @@ GAMES: Final = 100  # of the campaign in which workers die
 KILLS: Final = 10
 FULL: Final = (57,)
 """Seeds that find the disk full, once."""
-PLIES: Final = 40
 SPEC: Final = CampaignSpec(draw={"start.line": True, "game.plies": PLIES})
-
-
-class StubPlan(Frozen):
-    """What stubs do: a task's seed decides."""
-
-    marks: Path | None = None
-    """Folder in which each remembers what has happened to it."""
-    seconds: float = 0.0
-    """Each takes so long."""
-    deaths: dict[int, int] = Field(default_factory=dict)
-    """So often a seed kills its worker."""
-    full: tuple[int, ...] = ()
-    """Seeds that find the disk full, once."""
-
-
-def play_stub(plan: StubPlan, text: str) -> str:
-    """A worker's function, as ``play_task``, that plays nothing."""
-    order = TaskOrder.model_validate_json(text)
-    task = order.task
-    if happens(plan, f"death {task.seed}", plan.deaths.get(task.seed, 0)):
-        os.kill(os.getpid(), signal.SIGKILL)
-    if happens(plan, f"full {task.seed}", int(task.seed in plan.full)):
-        raise MachineTrouble("no space left on the device")
-    time.sleep(plan.seconds)
-    ply = {"index": task.index, "seed": task.seed, "san": "e4", "uci": "e2e4", "kind": "quiet", "by": "arm",
-           "piece": "P", "planned_s": 1.0, "real_s": 1.0, "error_mm": 0.1, "peak_torque_Nm": 1.0, "peak_force_N": 1.0,
-           "physical_ok": True, "transfers": 1, "repairs": 0}  # fmt: skip
-    game = GameRow(
-        index=task.index, seed=task.seed, kind=task.kind, outcome=Outcome.RIGHT, reason="a stub", plies=PLIES,
-        environment=order.environment.digest, host="", cpu="", drawn=task.drawn,
-    )  # fmt: skip
-    plies = tuple(PlyRow.model_validate({**ply, "ply": number}) for number in range(1, PLIES + 1))
-    return TaskResult(game=game, plies=plies).model_dump_json()
-
-
-def happens(plan: StubPlan, what: str, times: int) -> bool:
-    """Whether something that happens so often happens now."""
-    if plan.marks is None or not times:
-        return False
-    for number in range(times):
-        try:
-            (plan.marks / f"{what} {number}").touch(exist_ok=False)
-        except FileExistsError:
-            continue
-        return True
-    return False
 
 
 class Unwatched:

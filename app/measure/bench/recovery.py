@@ -15,7 +15,7 @@ from app import UserError
 from app.campaign.drawing import draw
 from app.campaign.schema import GameRow
 from app.campaign.spec import CampaignSpec
-from app.campaign.tasks.mishaps import ClumsyHands
+from app.campaign.tasks.mishaps import MeddlingHands
 from app.campaign.tasks.playing import GAME, line_of, note_end, prepared
 from app.campaign.tasks.rows import TaskStory, result_of
 from app.campaign.tasks.scratch import scratch_folder
@@ -82,7 +82,7 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) ->
     task, told = draw(spec, 0), f"game {tally.games + 1}"
     with scratch_folder(seed) as folder, prepared(task, folder, film=False) as (settings, _):
         story = TaskStory(asked_for=plies, line=(line := line_of(settings) or ()))
-        hands = ClumsyHands(folder / GAME / "run", seed, EVERY_PLY, TableSettings(), progress)
+        hands = MeddlingHands(folder / GAME / "run", seed, EVERY_PLY, TableSettings(), progress)
         note_end(story, run_games(settings, hands))
         story.mishaps = hands.mishaps
         result = result_of(task, folder / GAME, story, "")

@@ -19,7 +19,7 @@ from multiprocessing.context import SpawnProcess
 from types import FrameType
 from typing import Any, Final, ParamSpec, TypeVar
 
-from app.campaign.threads import ONE_THREAD
+from app.campaign.workers.threads import ONE_THREAD
 
 P = ParamSpec("P")
 T = TypeVar("T")

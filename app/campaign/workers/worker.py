@@ -12,48 +12,25 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from app.campaign.environment import CampaignEnvironment, environment_here
+from app.campaign.environment import environment_here
 from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskResult
-from app.campaign.task import CampaignTask
 from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
 from app.campaign.tasks.playing import GAME, play_here
 from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import scratch_folder
 from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
+from app.campaign.workers.order import Kept, TaskOrder
 from app.records.files import full_disk
 from app.rig.simulation.processes import last_words
 from controller.protocol.key import KEY_FILE
-from hardware.frozen import Frozen
 from hardware.sim.process.settings import END_FILE
 
 MACHINE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO})
 """Errors of a machine, not of a game."""
-
-
-class Kept(StrEnum):
-    """Folders of which games are kept."""
-
-    ALL = "all"
-    FAILED = "failed"
-    NONE = "none"
-
-
-class TaskOrder(Frozen):
-    """What a worker is told."""
-
-    task: CampaignTask
-    environment: CampaignEnvironment
-    engine: str | None
-    """See ``environment_here``."""
-    keep: Kept = Kept.FAILED
-    folder: Path | None = None
-    """Of the campaign, where games are kept; None: nowhere."""
-    film: bool = False
 
 
 def play_task(text: str) -> str:
