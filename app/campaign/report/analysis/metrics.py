@@ -11,18 +11,18 @@ import numpy as np
 
 from app.campaign.report.analysis.rows import CampaignRows, mean_by_game
 from app.campaign.report.analysis.statistics import Numbers
-from app.campaign.schema import Outcome
+from app.campaign.schema import TaskOutcome
 from app.pieces.inventory import MoveKind
 
-OUTCOMES: Final[Mapping[Outcome, str]] = {
-    Outcome.RIGHT: "right, and nothing had to be mended",
-    Outcome.MENDED: "right, after something was mended or asked",
-    Outcome.UNMENDED: "ended early, and said so",
-    Outcome.WRONG: "silently wrong: the referee disagrees with what the program claims",
-    Outcome.CRASHED: "crashed, or its worker died twice",
+OUTCOMES: Final[Mapping[TaskOutcome, str]] = {
+    TaskOutcome.RIGHT: "right, and nothing had to be mended",
+    TaskOutcome.MENDED: "right, after something was mended or asked",
+    TaskOutcome.UNMENDED: "ended early, and said so",
+    TaskOutcome.WRONG: "silently wrong: the referee disagrees with what the program claims",
+    TaskOutcome.CRASHED: "crashed, or its worker died twice",
 }
 """How a game can end, and in words."""
-FAILED: Final = (Outcome.UNMENDED, Outcome.WRONG, Outcome.CRASHED)
+FAILED: Final = (TaskOutcome.UNMENDED, TaskOutcome.WRONG, TaskOutcome.CRASHED)
 """Outcomes that are failures."""
 
 
@@ -91,10 +91,10 @@ def _duration(kind: MoveKind) -> Metric:
 FAILURES: Final = _rate("failed", "games that failed", *FAILED)
 METRICS: Final = (
     FAILURES,
-    _rate("wrong", "games silently wrong", Outcome.WRONG),
-    _rate("unmended", "games that ended early", Outcome.UNMENDED),
-    _rate("crashed", "games that crashed", Outcome.CRASHED),
-    _rate("mended", "games in which something was mended or asked", Outcome.MENDED),
+    _rate("wrong", "games silently wrong", TaskOutcome.WRONG),
+    _rate("unmended", "games that ended early", TaskOutcome.UNMENDED),
+    _rate("crashed", "games that crashed", TaskOutcome.CRASHED),
+    _rate("mended", "games in which something was mended or asked", TaskOutcome.MENDED),
     *map(_duration, MoveKind),
     Metric("placement", "placement, mean of the plies", "mm", MetricSort.FIGURE, "error_mm", of_plies=True),
     _figure("placement_max_mm", "placement, worst of a game", "mm"),

@@ -14,10 +14,10 @@ from app import UserError
 from app.campaign.report.findings import findings
 from app.campaign.report.page import campaign_page
 from app.campaign.report.reading import CampaignRowsError, read_rows
-from app.campaign.schema import GameRow, Outcome, PlyRow, TaskKind, TaskResult
+from app.campaign.schema import GameRow, PlyRow, TaskKind, TaskOutcome, TaskResult
 
 
-def result(seed: int, outcome: Outcome = Outcome.RIGHT, plies: int = 2) -> TaskResult:
+def result(seed: int, outcome: TaskOutcome = TaskOutcome.RIGHT, plies: int = 2) -> TaskResult:
     game = GameRow(
         index=seed, seed=seed, kind=TaskKind.GAME, outcome=outcome, reason="ply limit", environment="abc", host="here",
         cpu="one", wall_s=3.0, sim_s=9.0, drawn={"rig.profile": "fast", "randomisation.friction": 0.5 + seed},
@@ -38,8 +38,8 @@ def write(path: Path, results: list[TaskResult], torn: str = "") -> None:
 
 
 def test_shards_are_put_together_in_the_order_of_seeds(tmp_path: Path) -> None:
-    write(tmp_path / "results-1-of-2.jsonl", [result(4), result(0, Outcome.WRONG)])
-    write(tmp_path / "results-2-of-2.jsonl", [result(1), result(4, Outcome.CRASHED)], torn='{"game": {"index": 9')
+    write(tmp_path / "results-1-of-2.jsonl", [result(4), result(0, TaskOutcome.WRONG)])
+    write(tmp_path / "results-2-of-2.jsonl", [result(1), result(4, TaskOutcome.CRASHED)], torn='{"game": {"index": 9')
     rows = read_rows(tmp_path)
     assert rows.seeds.tolist() == [0, 1, 4], "what two hold counts once, what is cut off not at all"
     assert rows.outcome_is("wrong").tolist() == [True, False, False]
@@ -51,7 +51,7 @@ def test_shards_are_put_together_in_the_order_of_seeds(tmp_path: Path) -> None:
 
 
 def test_parquet_says_the_same(tmp_path: Path) -> None:
-    results = [result(0), result(1, Outcome.UNMENDED), result(2)]
+    results = [result(0), result(1, TaskOutcome.UNMENDED), result(2)]
     (tmp_path / "ledger").mkdir()
     (tmp_path / "tables").mkdir()
     write(tmp_path / "ledger" / "results.jsonl", results)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from app.campaign.schema import Outcome
+from app.campaign.schema import TaskOutcome
 from app.cli import app
 from tests.app.campaign.report.test_campaign_page import Walk
 from tests.app.campaign.report.test_reading import result, write
@@ -24,7 +24,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "old").mkdir()
     write(
         tmp_path / "new" / "results.jsonl",
-        [result(n, Outcome.UNMENDED if n == 3 else Outcome.RIGHT) for n in range(12)],
+        [result(n, TaskOutcome.UNMENDED if n == 3 else TaskOutcome.RIGHT) for n in range(12)],
     )
     write(tmp_path / "old" / "results.jsonl", [result(n) for n in range(12)])
     return tmp_path
