@@ -23,7 +23,8 @@ SPEC = CampaignSpec.model_validate({
 
 def result(index: int, plies: int = 2, **game: object) -> TaskResult:
     row = {
-        "index": index, "seed": 100 + index, "kind": TaskKind.GAME, "outcome": TaskOutcome.RIGHT, "reason": "é \u2028 \"",
+        "index": index, "seed": 100 + index, "kind": TaskKind.GAME, "outcome": TaskOutcome.RIGHT,
+        "reason": "é \u2028 \"",
         "environment": "e", "host": "h", "cpu": "c", "placement_mean_mm": 0.1 + 0.2,
         "drawn": {"engine.nodes": 3.0, "rig.profile": "fast", "start.line": 1.0}, **game,
     }  # fmt: skip
