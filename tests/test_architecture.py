@@ -41,8 +41,8 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "measure", "page", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
-        "report", "records", "motion", "players", "scene", "pieces",
+        "cli", "measure", "page", "campaign", "dataset", "play", "game", "execution", "guard", "commissioning", "rig", "terminal",
+        "settings", "report", "records", "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
@@ -57,14 +57,16 @@ FLOORS = {
 MOST_FILES = 15
 """In one folder: as many as a reader takes in."""
 
-KNOW_THE_SIMULATION = ("app.rig", "app.measure", "app.play.simulated_hand", "app.play.hand_moves")
+KNOW_THE_SIMULATION = (
+    "app.rig", "app.measure", "app.campaign", "app.play.simulated_hand", "app.play.hand_moves",
+)  # fmt: skip
 """The only modules of ``app`` that may import ``hardware.sim``: the way to a rig, what measures one, and what tells the
 simulated person what to do. No other room may."""
 
 KNOW_THE_TRUTH = {
     "app.execution.state": "has the referee among the devices",
     "app.measure.bench.vision.hand_scene": "asks when a hand came",
-    "app.measure.bench.scripted_person": "plays one who sees where the pieces are",
+    "app.campaign.tasks.scripted_person": "plays one who sees where the pieces are",
     "app.measure.bench.unknown.commission": "plays one who measures where the tool is",
     "app.measure.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.pieces.judging": "compares truth and game",

@@ -13,6 +13,8 @@ import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
+from app.cli.campaign import campaign
+from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
 from app.cli.ending import fail
 from app.cli.games import demo, play, replay, resume, setup, show_config
@@ -55,12 +57,13 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report, "film": film,
-    "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
+    "dataset": dataset, "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
     "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
     "figures": figures, "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)
+app.add_typer(campaign, name="campaign")
 
 
 def main() -> None:

@@ -40,7 +40,7 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, "
-            "vision, clock, drives, pictures, identify or commission."
+            "vision, clock, drives, pictures, identify, commission or campaign."
         ),
     ],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,

@@ -39,6 +39,11 @@ class Verdict:
         return not self.failures
 
 
+def most_off_centre(table: TableSettings) -> float:
+    """How far from the centre of its place a piece may stand [m]: a quarter square."""
+    return table.square / 4.0
+
+
 def judge(truth: Truth, inventory: Inventory) -> Verdict:
     """Compare every piece with where the game says it stands: within a quarter square of the centre,
     upright; in a box in any way within its walls.
@@ -80,7 +85,7 @@ def _as_named(truth: Truth, inventory: Inventory) -> dict[str, PiecePose]:
     for group in groups.values():
         names = [name for _, name in group]
         far = np.array([[_away(poses[name], place, inventory.table) for name in names] for place, _ in group])
-        if far.diagonal().max() <= inventory.table.square / 4.0:
+        if far.diagonal().max() <= most_off_centre(inventory.table):
             continue
         _, chosen = cheapest_pairs(far - _OWN * np.eye(len(names)))
         poses |= {name: replace(poses[names[one]], name=name) for name, one in zip(names, chosen.tolist(), strict=True)}
@@ -104,7 +109,7 @@ def _outside(piece: PieceSpec, pose: PiecePose, place: Place, box: Box) -> str:
 
 
 def _problem(piece: PieceSpec, pose: PiecePose, place: Place, error: float, table: TableSettings) -> str | None:
-    limit = table.square / 4.0
+    limit = most_off_centre(table)
     if pose.tilt > UPRIGHT:
         return f"{piece.name} on {place} leans by {math.degrees(pose.tilt):.0f}°"
     if abs(pose.z) > ON_SURFACE:

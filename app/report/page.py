@@ -13,13 +13,13 @@ from app.records.events import RepairedBy, own_clock, unsaid
 from app.records.files import write_atomically
 from app.records.frames import frame_file
 from app.records.rounds import match_folder, rounds_of
-from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, Chart, DataTable, folded, ply_name, seconds
+from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, DataTable, folded, ply_name, seconds
 from app.report.markup import Html, joined, tag
+from app.report.parts import document, figure, scrolling, section
 from app.report.pictures import photographs
 from app.report.source import ReportSource, read_source
 from app.report.squares import board_of_placements
 from app.report.story import Incident, incidents, seen
-from app.report.style import POLICY, STYLE
 
 REPORT_PAGE: Final = "report.html"
 _WRONG: Final = ("seen", "asked", "found", "failed", "dropped", "broke off")
@@ -54,24 +54,14 @@ def report_page(source: ReportSource) -> str:
     title = f"{start.white} – {start.black}"
     happened = incidents(source)
     sections = [
-        _section("trouble", "What went wrong, and what became of it", _story(source, happened)),
-        _section("charts", "The game in figures", _charts(source)),
-        _section("vision", "What the camera said", _vision(source)),
-        _section("moves", "Moves", _moves(source)),
-        _section("pictures", "Pictures", _pictures(source)),
+        section("trouble", "What went wrong, and what became of it", _story(source, happened)),
+        section("charts", "The game in figures", _charts(source)),
+        section("vision", "What the camera said", _vision(source)),
+        section("moves", "Moves", _moves(source)),
+        section("pictures", "Pictures", _pictures(source)),
     ]
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=POLICY),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("meta", name="referrer", content="no-referrer"),
-        tag("title", f"{title}: report of a game"),
-        Html(f"<style>{STYLE}</style>"),
-    )
-    body = tag("body", _header(source, title), tag("main", *sections), _footer(source))
-    return f"<!doctype html>\n{tag('html', head, body, lang='en')}\n"
+    whole = (_header(source, title), tag("main", *sections), _footer(source))
+    return document(f"{title}: report of a game", *whole)
 
 
 def _header(source: ReportSource, title: str) -> Html:
@@ -131,10 +121,6 @@ def _rounds(source: ReportSource) -> Html:
     return tag("nav", tag("ul", *items), aria_label="Rounds of this match")
 
 
-def _section(name: str, heading: str, content: Html) -> Html:
-    return tag("section", tag("h2", heading, id=name), content, aria_labelledby=name)
-
-
 def _story(source: ReportSource, happened: Sequence[Incident]) -> Html:
     parts = [tag("p", sentence, class_="soft") for sentence in source.said]
     troubles = source.report.troubles
@@ -171,14 +157,8 @@ def _charts(source: ReportSource) -> Html:
         notes.append("No player said what it thought of the position.")
     if not charts:
         notes = ["The record holds no ply of the arm, so there is nothing to draw."]
-    shown = tag("div", *map(_figure, charts), class_="charts") if charts else Html("")
+    shown = tag("div", *map(figure, charts), class_="charts") if charts else Html("")
     return joined([shown, *(tag("p", note, class_="soft") for note in notes if note)])
-
-
-def _figure(chart: Chart) -> Html:
-    """A chart with its caption, and its numbers to unfold."""
-    told = tag("figcaption", tag("h3", chart.heading), tag("p", chart.caption))
-    return tag("figure", told, chart.picture, folded(f"Numbers: {chart.heading}", chart.table), class_="chart")
 
 
 def _vision(source: ReportSource) -> Html:
@@ -198,13 +178,9 @@ def _vision(source: ReportSource) -> Html:
     ]
     table = DataTable((">after ply", ">plant time [s]", "what", "squares", "sentence", "what became of it"), rows)
     return joined([
-        tag("p", lead), _scrolling(by_sort.html("How often it said what"), "How often the camera said what"),
+        tag("p", lead), scrolling(by_sort.html("How often it said what"), "How often the camera said what"),
         folded("All that the camera said", table.html("What the camera said")),
     ])  # fmt: skip
-
-
-def _scrolling(table: Html, name: str, look: str = "") -> Html:
-    return tag("div", table, class_=f"scroll {look}".rstrip(), tabindex="0", role="region", aria_label=name)
 
 
 def _moves(source: ReportSource) -> Html:
@@ -231,7 +207,7 @@ def _moves(source: ReportSource) -> Html:
     columns = ("ply", "move", "kind", "moved by", ">took [s]", ">planned [s]", *(name for name, _ in kept))
     counted = Counter(ply.kind for ply in plies)
     lead = ", ".join(f"{counted[kind]} {KINDS[kind]}" for kind in MoveKind if counted[kind])
-    table = _scrolling(
+    table = scrolling(
         DataTable(columns, rows).html("All plies, with their times in plant time"), "All moves", "tall moves"
     )
     return joined([tag("p", f"{_plies(len(plies))}: {lead}."), table])

@@ -37,6 +37,8 @@ p { margin: .4rem 0; max-width: 70ch; }
 a { color: var(--link); }
 .outcome { font-size: 1.1rem; margin: 0 0 .8rem; overflow-wrap: anywhere; }
 .soft, figcaption { color: var(--soft); }
+code { font: .88em ui-monospace, Menlo, Consolas, monospace; overflow-wrap: anywhere; }
+pre { font: .8rem/1.4 ui-monospace, Menlo, Consolas, monospace; white-space: pre-wrap; overflow-wrap: anywhere; }
 .bad { color: var(--bad); } .good { color: var(--good); }
 dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 11.5rem), 1fr)); gap: .6rem;
   margin: 0; }
@@ -45,9 +47,11 @@ dt { color: var(--soft); font-size: .85rem; } dd { margin: 0; font-weight: 600; 
 nav ul { display: flex; flex-wrap: wrap; gap: .2rem 1rem; padding: 0; margin: .6rem 0; list-style: none; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr)); gap: 1rem;
   align-items: start; }
+.charts:has(> :only-child) { grid-template-columns: minmax(0, 38rem); }
+* + .charts { margin-top: .8rem; }
 .chart { margin: 0; background: var(--panel); border: 1px solid var(--rule); border-radius: .5rem; padding: .8rem;
   min-width: 0; }
-.chart svg { display: block; width: 100%; height: auto; margin: .4rem 0; }
+.chart svg { display: block; width: 100%; height: auto; margin: .4rem 0; overflow: visible; }
 .chart p { font-size: .9rem; } .chart h3 { color: var(--ink); }
 .key { display: flex; flex-wrap: wrap; gap: .1rem .9rem; color: var(--soft); }
 .key span { display: inline-flex; align-items: center; gap: .35rem; }
@@ -65,7 +69,8 @@ tbody th { font-weight: 600; } .n { text-align: right; white-space: nowrap; }
 .incidents { padding-left: 0; list-style: none; margin: 0; }
 .incidents li { border-left: 3px solid var(--rule); padding: .1rem 0 .1rem .7rem; margin: .5rem 0; max-width: 80ch;
   overflow-wrap: anywhere; }
-.incidents .wrong { border-color: var(--bad); }
+.incidents .wrong { border-color: var(--bad); } .incidents .held { border-color: var(--good); }
+.incidents code { display: block; }
 .incidents .when { color: var(--soft); font-size: .85rem; display: block; }
 .strip { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 10.5rem), 1fr)); gap: .7rem; }
 .strip figure { margin: 0; } .strip img { width: 100%; height: auto; display: block; border-radius: .3rem; }
@@ -93,6 +98,7 @@ svg .value { fill: var(--q-ink); font-size: 10px; } svg .on-q5 { fill: #fff; }
   svg text { font-size: 13.5px; } svg .limit-name { font-size: 12px; } svg .value { font-size: 10.5px; } }
 @media print { body { font-size: 10pt; } .chart, .strip figure, tr, li { break-inside: avoid; }
 h2 { break-after: avoid; }
+  table { font-size: 7.5pt; } .n { white-space: normal; } .scroll th, .scroll td { padding: .15rem .3rem; }
   .scroll, .tall, .chart .scroll { max-height: none; overflow: visible; border: 0; } thead th { position: static; }
   .charts { grid-template-columns: 1fr 1fr; } .strip { grid-template-columns: repeat(4, 1fr); }
   summary { color: inherit; } }

@@ -27,7 +27,7 @@ from pydantic import Field, model_validator
 from app.settings.toml import ConfigError, load_toml, toml_value
 from app.settings.tree import SIMULATED, Processes
 from controller.protocol.key import load_key
-from controller.settings import ANY_PORT, ControllerSettings
+from controller.settings import ANY_PORT, LOOPBACK, ControllerSettings
 from controller.wire.address import ControllerAddress, find_controller
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.drives.ethercat.settings import EtherCatSettings
@@ -51,6 +51,8 @@ class ControllerSection(ControllerSettings):
     port: Annotated[int, Field(ge=0, le=65535)]
     """UDP port, which clients have to know; 0: any that is free, which those on this computer find in the run
     directory."""
+    relay: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """UDP port on this computer at which clients reach it instead, through a relay; left out: its own."""
     key: Path = Path("touchmove.key")
     """File with the secret that controller and clients share; the controller makes it at its first start."""
 
@@ -207,7 +209,8 @@ class RigFile(Frozen):
         """
         section = self.controller
         if section.port == ANY_PORT:
-            return find_controller(self.run_dir, section.key)
+            found = find_controller(self.run_dir, section.key)
+            return found if section.relay is None else found._replace(host=LOOPBACK, port=section.relay)
         return ControllerAddress(section.host, section.port, load_key(section.key))
 
 

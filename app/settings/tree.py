@@ -106,6 +106,9 @@ class RigSection(_Section):
     """If the game's program is killed: how long the arm waits for another one, before it is put on its brakes [s]."""
     port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
     """UDP port of our own controller; 0: any that is free."""
+    relay: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """UDP port on this computer at which our own controller is reached: of a relay that makes the link worse, as it may
+    be in a lab. Left out: the controller's."""
     journal: bool = False
     """A simulation of our own keeps every command, so that its ticks can be done again."""
     cameras: bool = True

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from app import UserError
+from app.measure.bench.campaign import campaign_bench
 from app.measure.bench.clock import clock_bench
 from app.measure.bench.drives import drives_bench
 from app.measure.bench.fallen import fallen_bench
@@ -33,6 +34,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType({
     "sim": sim_bench, "grip": grip_bench, "fallen": fallen_bench, "recovery": recovery_bench, "people": people_bench,
     "knocks": knocks_bench, "vision": vision_bench, "clock": clock_bench, "drives": drives_bench,
     "pictures": pictures_bench, "identify": identify_bench, "commission": commission_bench,
+    "campaign": campaign_bench,
 })  # fmt: skip
 """By name; each takes ``quick`` and a function that is told what is being done."""
 

@@ -24,6 +24,7 @@ from typing import Final
 import chess
 
 from app import UserError
+from app.campaign.tasks.kills import LATEST, await_motion, heard
 from app.measure.bench.report import BenchReport, Progress, Row, Tally, row
 from app.rig.arm import FELT
 from app.rig.remote import RESTING
@@ -49,7 +50,6 @@ EVERYTHING: Final = "everything"
 """Program, controller and world at once, as when a computer loses its power …"""
 ONE_OF: Final = 5  # … once for so many kills of the program alone, at least once
 PLIES: Final = 8  # of one game, the last of them in peace; as many games as the kills need
-LATEST: Final = 1.6  # a victim is killed within so much of the arm's motion since it was started, at random [s, plant]
 REST_LIMIT: Final = 0.3  # from the kill until the arm rests [s, plant]
 JUMP_LIMIT: Final = 1.0  # of the tool while a new controller takes the arm over, sagging from the brakes included [mm]
 JOINTS_RESTING: Final = 0.02  # an arm whose joints are all slower than this rests [rad/s]
@@ -112,15 +112,6 @@ def _ends(board: chess.Board, move: chess.Move) -> bool:
     over = board.is_game_over()
     board.pop()
     return over
-
-
-def _heard(seen: list[Telemetry], first: int, goes_on: Callable[[], bool]) -> Iterator[Telemetry]:
-    """Telemetry from an index on, as it comes."""
-    while goes_on():
-        while first < len(seen):
-            yield seen[first]
-            first += 1
-        time.sleep(_GLANCE)
 
 
 class _KilledGame:
@@ -223,14 +214,8 @@ class _KilledGame:
 
     def _await_motion(self, seen: list[Telemetry], moved: float) -> bool:
         """Wait until the arm has moved for so long [s, plant] and moves; false where the game is over before."""
-        tick, done = None, 0.0
-        for now in _heard(seen, 0, lambda: self._app.poll() is None):
-            if now.state is State.TRACK and tick is not None:
-                done += (now.tick - tick) * self._tick
-            tick = now.tick
-            if done >= moved and now.state is State.TRACK and now is seen[-1]:
-                return len(self._plies()) < PLIES - 1  # the end of a game has to do with other processes
-        return False
+        moves = await_motion(seen, round(moved / self._tick), lambda: self._app.poll() is None)
+        return moves and len(self._plies()) < PLIES - 1  # the end of a game has to do with other processes
 
     def _kill(self, victim: str, seen: list[Telemetry]) -> tuple[float, float, float] | None:
         """Kill, and see how the arm comes to rest; where the tool rests if only the controller is lost."""
@@ -256,7 +241,7 @@ class _KilledGame:
 
     def _see_rest(self, seen: list[Telemetry]) -> None:
         killed, deadline = seen[-1], time.monotonic() + TIMEOUT
-        for now in _heard(seen, len(seen), lambda: time.monotonic() < deadline):
+        for now in heard(seen, len(seen), lambda: time.monotonic() < deadline):
             self._figures["outside"].append(float(self._is_outside(now)))
             if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
                 self._figures["app_rest"].append((now.tick - killed.tick) * self._tick)

@@ -8,80 +8,44 @@ leave to the arm. Whether the board is right in the end is the referee's word. I
 
 from __future__ import annotations
 
-import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Final
-
-import chess
-import numpy as np
+from typing import Any, Final
 
 from app import UserError
-from app.execution.state import EXPECTED_FAILURES
+from app.campaign.drawing import draw
+from app.campaign.schema import TaskKind
+from app.campaign.spec import CampaignSpec
+from app.campaign.tasks.acts import Act
+from app.campaign.tasks.playing import play_session, prepared
+from app.campaign.tasks.scratch import scratch_folder
+from app.campaign.tasks.scripted_person import ScriptedPerson
 from app.measure.bench.report import BenchReport, Progress, row
-from app.measure.bench.scripted_person import OFTEN, Act, ScriptedPerson
-from app.measure.bench.vision.games import random_game
-from app.play.launch import run_games
-from app.settings.tree import PlayerKind, Settings
-from engine.errors import EngineProblem
 
 SEED: Final = 9001  # of the first game
 GAMES: Final = {True: 3, False: 300}  # by ``quick``
 KNOCKS: Final = {True: 4, False: 500}  # by ``quick``
 KNOCKS_SEED: Final = 12001
-OPENING: Final = (0, 60)
-"""So many random plies are played before."""
-WORLD: Final = """
-light_brightness = 0.3
-light_colour = 0.15
-light_direction = 3.1
-light_radius = 0.1
-exposure = 0.15
-white_balance = 0.08
-camera_shift = 0.01
-camera_turn = 0.03
-placement_sigma = 0.0015
-placement_limit = 0.004
-"""
-"""How worlds differ: a `Randomisation`."""
+DRAWN: Final[dict[str, Any]] = {
+    "engine.nodes": 300,
+    "randomisation.light_brightness": 0.3,
+    "randomisation.light_colour": 0.15,
+    "randomisation.light_direction": 3.1,
+    "randomisation.light_radius": 0.1,
+    "randomisation.exposure": 0.15,
+    "randomisation.white_balance": 0.08,
+    "randomisation.camera_shift": 0.01,
+    "randomisation.camera_turn": 0.03,
+    "randomisation.placement_sigma": 0.0015,
+    "randomisation.placement_limit": 0.004,
+}
+"""How games are played, and how worlds differ."""
 
 
-def random_position(seed: int) -> chess.Board:
-    """White to move, and not in check."""
-    rng = np.random.default_rng([seed, 5])
-    while True:
-        board = chess.Board()
-        for move in random_game(int(rng.integers(1 << 31)), int(rng.integers(*OPENING))):
-            board.push(move)
-        if board.turn is chess.WHITE and not board.is_check() and not board.is_game_over():
-            return chess.Board(board.fen())
-
-
-def play_one(
-    seed: int, often: Mapping[Act, float] = OFTEN, changes: Callable[[Settings], Settings] = lambda one: one
-) -> ScriptedPerson:
-    """Play one game; ``often`` as of ``ScriptedPerson``, ``changes`` of its settings are made last."""
-    with tempfile.TemporaryDirectory(prefix="touchmove-") as name:
-        folder, board = Path(name), random_position(seed)
-        world = folder / "world.toml"
-        world.write_text(WORLD, encoding="utf-8")
-        settings = Settings().with_changes(
-            {
-                "rig.pace": "fast", "rig.seed": seed, "rig.video": False, "rig.randomise": world, "rig.linger": 2.0,
-                "white.player": PlayerKind.HUMAN, "black.player": PlayerKind.ENGINE, "engine.nodes": 300,
-                "game.fen": board.fen(), "out": folder / "game",
-            }
-        )  # fmt: skip
-        person = ScriptedPerson(folder / "game" / "run", seed, board, often)
-        try:
-            result = run_games(changes(settings), person, person.typed)
-        except (*EXPECTED_FAILURES, EngineProblem) as error:
-            person.failed(str(error))
-            return person
-        for failure in result.report.failures:
-            person.failed(failure.reason)
-        return person
+def play_one(seed: int, also: dict[str, Any] | None = None) -> ScriptedPerson:
+    """Play one game; ``also``: what is drawn otherwise, by the names of a campaign's file."""
+    task = draw(CampaignSpec(kind=TaskKind.SESSION, first_seed=seed, draw={**DRAWN, **(also or {})}), 0)
+    with scratch_folder(seed) as folder, prepared(task, folder, film=False) as (settings, _):
+        return play_session(task, settings)[1]
 
 
 def people_bench(quick: bool, progress: Progress) -> BenchReport:
@@ -121,7 +85,7 @@ def knocks_bench(quick: bool, progress: Progress) -> BenchReport:
     """
     done, flawed, games, counted = 0, 0, 0, Counter[str]()
     while done < KNOCKS[quick]:
-        person = play_one(KNOCKS_SEED + games, {Act.KNOCK: 1.0})
+        person = play_one(KNOCKS_SEED + games, {"session.often": {"knock": 1.0}})
         for mishap in person.mishaps:
             progress(f"game {KNOCKS_SEED + games}: {mishap.what}: {mishap.story}")
         if not person.acts:

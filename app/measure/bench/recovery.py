@@ -8,30 +8,20 @@ is the referee's word.
 
 from __future__ import annotations
 
-import json
-import tempfile
-from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
-import chess
-import numpy as np
-
 from app import UserError
+from app.campaign.drawing import draw
+from app.campaign.schema import GameRow
+from app.campaign.spec import CampaignSpec
+from app.campaign.tasks.mishaps import MeddlingHands
+from app.campaign.tasks.playing import GAME, line_of, note_end, prepared
+from app.campaign.tasks.rows import TaskStory, result_of
+from app.campaign.tasks.scratch import scratch_folder
 from app.measure.bench.report import BenchReport, Progress, row
-from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
-from app.play.session import SessionResult
-from app.records import EVENTS_FILE, PlyEvent, read_events
-from app.settings.tree import Settings
-from app.terminal.interface import UserInterface
-from hardware.interfaces import HardwareError
-from hardware.piece_set import Colour
-from hardware.sim.clients.hand import SimHand
-from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
-from hardware.sim.process.settings import END_FILE
-from hardware.table import TableSettings, square_place
+from hardware.table import TableSettings
 
 SEED: Final = 31
 LOSSES: Final = {True: 2, False: 100}
@@ -40,7 +30,6 @@ MISHAPS: Final = {True: 1, False: 50}  # pieces that were knocked over or shifte
 A_GAME: Final = {True: 6, False: 20}  # plies of a game
 EVERY_HOLD: Final = 2  # one grip in so many is lost
 EVERY_PLY: Final = 4  # after one ply in so many a hand does something
-SHIFT: Final = (0.006, 0.012)  # a shifted piece ends up so far off its middle [m]
 _MOST_HOLDS: Final = 400
 
 
@@ -56,45 +45,6 @@ class RecoveryTally:
     games: int = 0
 
 
-class Clumsy(UserInterface):
-    """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what."""
-
-    def __init__(self, run_dir: Path, seed: int, progress: Progress) -> None:
-        self._run_dir, self._progress = run_dir, progress
-        self._rng, self._table = np.random.default_rng([seed, 7]), TableSettings()
-        self.mishaps = 0  # how often
-
-    def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``UserInterface.ply``."""
-        if event.ply % EVERY_PLY:
-            return
-        what, action = self._mishap(board)
-        with closing(SimHand(self._run_dir)) as hand:
-            try:
-                hand.do(action, Withdraw())
-            except HardwareError as error:  # out of reach for a person, who sits at one side
-                self._progress(f"ply {event.ply}: {what}: not done: {error}")
-                return
-        self.mishaps += 1
-        self._progress(f"ply {event.ply}: {what}")
-
-    def _mishap(self, board: chess.Board) -> tuple[str, Action]:
-        rng = self._rng
-        square = int(rng.choice(list(board.piece_map())))
-        at, name, sort = self._xy(square), chess.square_name(square), self.mishaps % 3
-        if sort == 0:
-            return f"a hand knocks over {name}", Knock(at=at, direction=float(rng.uniform(-np.pi, np.pi)))
-        if sort == 1:
-            angle, far = rng.uniform(-np.pi, np.pi), rng.uniform(*SHIFT)
-            to = at[0] + far * float(np.cos(angle)), at[1] + far * float(np.sin(angle))
-            return f"a hand shifts {name} by {1e3 * far:.0f} mm", Move(start=at, to=to)
-        empty = int(rng.choice([other for other in chess.SQUARES if board.piece_at(other) is None]))
-        return f"a hand carries {name} to {chess.square_name(empty)}", Move(start=at, to=self._xy(empty))
-
-    def _xy(self, square: int) -> tuple[float, float]:
-        return self._table.xy(square_place(square))
-
-
 def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
     """Play games until enough grips were lost and enough pieces were moved by hand; ``quick`` with few of both.
 
@@ -104,10 +54,9 @@ def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
     tally = RecoveryTally()
     while tally.losses < LOSSES[quick] or tally.mishaps < MISHAPS[quick]:
         before = tally.losses + tally.mishaps
-        result = play_one(SEED + tally.games, A_GAME[quick], tally, progress)
+        game = play_one(SEED + tally.games, A_GAME[quick], tally, progress)
         if tally.losses + tally.mishaps == before:
-            reasons = "; ".join(failure.reason for failure in result.report.failures)
-            raise UserError(f"in game {tally.games} no grip was lost and no piece moved: {reasons or 'see its record'}")
+            raise UserError(f"in game {tally.games} no grip was lost and no piece moved: {game.reason}")
         progress(
             f"game {tally.games}: {tally.losses} grips lost, {tally.mishaps} pieces knocked or shifted, "
             f"{tally.unmended} unmended, {tally.wrong} unnoticed"
@@ -124,32 +73,26 @@ def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
     return BenchReport.of("recovery", SEED, rows)
 
 
-def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) -> SessionResult:
+def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) -> GameRow:
     """Play one game of mishaps, and add up what came of it."""
-    line = list(random_game(seed, plies))
-    with tempfile.TemporaryDirectory(prefix="touchmove-") as name:
-        folder = Path(name)
-        faults = folder / "faults.toml"
-        holds = list(range(1 + seed % EVERY_HOLD, _MOST_HOLDS, EVERY_HOLD))
-        faults.write_text(f"[devices.grip]\nholds = {holds}\n", encoding="utf-8")
-        settings = Settings().with_changes(
-            {
-                "rig.pace": "fast", "rig.seed": seed, "rig.video": False, "rig.randomise": faults, "rig.linger": 2.0,
-                "rig.person": Colour.WHITE if seed % 2 else Colour.BLACK, "vision.verify": True,
-                "game.moves": " ".join(move.uci() for move in line), "out": folder / "game",
-            }
-        )  # fmt: skip
-        ui = Clumsy(folder / "game" / "run", seed, progress)
-        result = run_games(settings, ui)
-        done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
-        end = json.loads((folder / "game" / "run" / END_FILE).read_text(encoding="utf-8"))
-        tally.losses += int(end["grips_lost"])
+    holds = list(range(1 + seed % EVERY_HOLD, _MOST_HOLDS, EVERY_HOLD))
+    spec = CampaignSpec(first_seed=seed, draw={
+        "randomisation.devices.grip.holds": holds, "faults.knocks": EVERY_PLY, "start.line": True, "game.plies": plies,
+    })  # fmt: skip
+    task, told = draw(spec, 0), f"game {tally.games + 1}"
+    with scratch_folder(seed) as folder, prepared(task, folder, film=False) as (settings, _):
+        story = TaskStory(asked_for=plies, line=(line := line_of(settings) or ()))
+        hands = MeddlingHands(folder / GAME / "run", seed, EVERY_PLY, TableSettings(), progress)
+        note_end(story, run_games(settings, hands))
+        story.mishaps = hands.mishaps
+        result = result_of(task, folder / GAME, story, "")
+    game = result.game
     tally.games += 1
-    tally.mishaps += ui.mishaps
-    tally.wrong += sum(event.physical_ok is False for event in done)
-    tally.broken += [event.uci for event in done] != [move.uci() for move in line[: len(done)]]
-    if len(done) < len(line):
+    tally.losses += game.grips_lost or 0
+    tally.mishaps += game.mishaps
+    tally.wrong += game.wrong_plies
+    tally.broken += [ply.uci for ply in result.plies] != list(line[: len(result.plies)])
+    if game.plies < plies:
         tally.unmended += 1
-        for failure in result.report.failures:
-            progress(f"game {tally.games} ended after {len(done)} plies: {failure.reason}")
-    return result
+        progress(f"{told} ended after {game.plies} plies: {game.reason}")
+    return game

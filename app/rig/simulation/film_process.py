@@ -119,7 +119,7 @@ def draw(wish: FilmWish) -> None:
     if model.nq != file.header.positions:
         raise HardwareError(f"{wish.positions} is of a world with other joints: take the version that recorded it")
     period, (first, last) = file.header.period, _part(file, wish)
-    drawer, view, quality = SceneDrawer(model), _view(wish.camera), LOOK if wish.fine else FILM
+    drawer, view, quality = SceneDrawer(model), view_of(wish.camera), LOOK if wish.fine else FILM
     encoder, picture = Encoder(wish.output, wish, first * period), None
     whole, told = (last - first) * period, 0.0
     for frame in _seen(file, first, last):
@@ -159,7 +159,8 @@ def _seen(file: TrajectoryFile, first: int, last: int) -> Iterator[TrajectoryFra
             yield frame
 
 
-def _view(camera: str | Standpoint) -> str | FreeView:
+def view_of(camera: str | Standpoint) -> str | FreeView:
+    """A view as the renderer knows it."""
     if isinstance(camera, str):
         return camera
     return FreeView(camera.position, camera.target, math.radians(FIELD_OF_VIEW))

@@ -93,7 +93,7 @@ def rig_for_game(
         **chosen, seed=section.seed, fen=None if board is None else f"{board.board_fen()} w - -", person=person,
         cameras=section.cameras, linger=section.linger, journal=section.journal, processes=section.processes,
     )  # fmt: skip
-    controller: dict[str, Any] = {"linger": max(section.linger, 1e-3), "port": section.port}
+    controller: dict[str, Any] = {"linger": max(section.linger, 1e-3), "port": section.port, "relay": section.relay}
     if world.pace is Pace.FAST:
         controller["telemetry_ticks"] = FAST_TELEMETRY
     if drives.emulated:

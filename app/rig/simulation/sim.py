@@ -8,6 +8,7 @@ import json
 import math
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -294,7 +295,10 @@ def _require_fit(rig: RigFile) -> None:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """A second Ctrl-C must not leave processes behind."""
+    """A second Ctrl-C must not leave processes behind; none reaches any other thread than the first."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield

@@ -11,8 +11,9 @@ from typing import Final, TypeVar
 import chess
 import numpy as np
 
+from app.campaign.tasks.lines import random_game
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import BoardReader, RandomTable, Scene, open_studio, random_game
+from app.measure.bench.vision.games import BoardReader, RandomTable, Scene, open_studio
 from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece

@@ -9,12 +9,13 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import chess
 import numpy as np
 
+from app.campaign.tasks.lines import random_game
 from app.measure.bench.report import Progress, Row, Tally, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
@@ -166,20 +167,6 @@ def open_studio(table: TableSettings, hand: Colour | None = None) -> TableStudio
         HardwareError: there is no OpenGL here.
     """
     return TableStudio(start_layout(chess.Board(), table), table, MotionSettings().home, hand=hand)
-
-
-def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
-    """Moves of a game that captures, castles and promotes more often than people do."""
-    rng, board = np.random.default_rng([seed, 6]), chess.Board()
-    for _ in range(plies):
-        moves = [move for move in board.legal_moves if move.promotion in (None, chess.QUEEN)]
-        if not moves or board.is_insufficient_material():
-            return
-        rare = [board.is_capture(move) or board.is_castling(move) or bool(move.promotion) for move in moves]
-        weight = np.where(rare, 3.0, 1.0)
-        move = moves[rng.choice(len(moves), p=weight / weight.sum())]
-        board.push(move)
-        yield move
 
 
 def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:

@@ -12,8 +12,9 @@ from typing import Final
 import chess
 import numpy as np
 
+from app.campaign.tasks.lines import random_game
 from app.measure.bench.report import Progress, Row, Tally, row
-from app.measure.bench.vision.games import Scene, open_studio, random_game
+from app.measure.bench.vision.games import Scene, open_studio
 from app.pieces.layout import colour_of, kind_of, physical_set
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame

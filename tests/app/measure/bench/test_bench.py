@@ -125,17 +125,18 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
         UnknownBench,
-        match=r"^there is no bench .speed., choose from: law, .*, recovery, .*, drives, .*, identify, commission$",
+        match=r"^there is no bench .speed., choose from: law, .*, recovery, .*, drives, .*, commission, campaign$",
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
     said = (
         "law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock, drives, "
-        "pictures, identify, commission"
+        "pictures, identify, commission, campaign"
     )
     assert done.stderr == f"touchmove: there is no bench 'speed', choose from: {said}\n"
     assert set(BENCHES) == {
+        "campaign",
         "commission",
         "law",
         "loop",

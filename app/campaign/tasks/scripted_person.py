@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import chess
 import numpy as np
 
+from app.campaign.task import SessionPlan
+from app.campaign.tasks.acts import Act
 from app.execution.state import EXPECTED_FAILURES
 from app.pieces.inventory import Inventory, InventoryError
 from app.pieces.judging import UPRIGHT
@@ -33,28 +33,7 @@ from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
 from hardware.table import Place, TableSettings, square_place
 
-ACTS: Final = 8  # of the person, in a game
 BETWEEN: Final = (0.35, 0.65)  # a piece that is put half on a square stands so far on the way to the next one [squares]
-
-
-class Act(StrEnum):
-    """What a person does in one of their turns."""
-
-    MOVE = "a legal move"
-    ILLEGAL = "an illegal move"
-    KNOCK = "a knock"
-    TWO = "two illegal moves"
-    SWAP = "an exchange"
-    HALF = "half on a square"
-    UNDONE = "a move made and undone"
-    TAKE_BACK = "a take-back"
-
-
-OFTEN: Final[Mapping[Act, float]] = MappingProxyType({
-    Act.MOVE: 0.28, Act.ILLEGAL: 0.24, Act.KNOCK: 0.18, Act.TWO: 0.07, Act.SWAP: 0.06, Act.HALF: 0.05,
-    Act.UNDONE: 0.05, Act.TAKE_BACK: 0.07,
-})  # fmt: skip
-"""Of a hundred acts, what share is which."""
 
 
 class NoSuchAct(Exception):
@@ -73,18 +52,19 @@ class Mishap:
 class ScriptedPerson(UserInterface):
     """Plays White from a position on in the world of a run directory, as the seed decides, and remembers what was said.
 
-    ``often``: how likely each act is.
+    ``plan``: how many acts there are, and how likely each is; ``table``: as they see it.
     """
 
-    def __init__(self, run_dir: Path, seed: int, board: chess.Board, often: Mapping[Act, float] = OFTEN) -> None:
-        self._often = often
+    def __init__(self, run_dir: Path, seed: int, board: chess.Board, plan: SessionPlan, table: TableSettings) -> None:
+        self._often, self._most = plan.shares, plan.acts
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
-        self._board, self._table = board, TableSettings()
+        self._board, self._table = board, table
         self._specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
         self.typed = TypedLines(None, company=lambda: True)  # what they type
         self.mishaps: list[Mishap] = []  # what went otherwise than it should
         self.acts = Counter[Act]()  # what they did, and how often
         self.flawed: set[int] = set()  # numbers of the acts after which something did, from 1; 0 is before the first
+        self.told: str | None = None  # the last sentence that they were told
         self._said: list[str] = []
         self._prompted = ""
         self._moved: list[str] = []
@@ -97,6 +77,7 @@ class ScriptedPerson(UserInterface):
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""
+        self.told = sentence
         self._said.append(sentence)
 
     def position(self, board: chess.Board) -> None:
@@ -114,13 +95,13 @@ class ScriptedPerson(UserInterface):
         self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
     ) -> None:
         """See ``UserInterface.prompt``."""
-        self._prompted = sentence
+        self._prompted = self.told = sentence
         self.typed.offer(next(self._script, "quit"))
 
     # what is done
 
     def _session(self) -> Iterator[str]:
-        while sum(self.acts.values()) < ACTS:
+        while sum(self.acts.values()) < self._most:
             act = Act(self._rng.choice(list(self._often), p=list(self._often.values())))
             self._said, self._moved, self._meant, self._fallen = [], [], None, False
             self._act = act

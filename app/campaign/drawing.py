@@ -1,0 +1,145 @@
+"""Draws what a seed plays; pure, and the same everywhere.
+
+Each range has random numbers of its own, named by it: another range more, or less, moves no other value. The same seed
+draws the same in any campaign with that range, so that two versions can be held against each other game by game.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from app.campaign.schema import DrawnValue, TaskKind
+from app.campaign.spec import CampaignSpec, ChoiceRange, DrawRange, fields, is_whole
+from app.campaign.task import CampaignFaults, CampaignStart, CampaignTask, SessionPlan
+from app.settings.options import option_of
+from app.settings.tree import PlayerKind, Settings
+from hardware.interfaces import Pace
+from hardware.piece_set import Colour
+from hardware.sim.process.randomisation import Randomisation
+
+LINGER: Final = 60.0
+"""So long a world waits for its program, as on a machine with much to do [s, wall]; where that was killed for good,
+whoever comes next ends the world (``scratch``)."""
+_SETTINGS: Final = "settings"
+_SECTIONS: Final[dict[str, type[BaseModel]]] = {
+    "randomisation": Randomisation, "faults": CampaignFaults, "start": CampaignStart, "session": SessionPlan,
+}  # fmt: skip
+
+
+def draw(spec: CampaignSpec, index: int) -> CampaignTask:
+    """The task of a number, from 0.
+
+    Raises:
+        ValueError: the values do not go together; a sentence says how.
+    """
+    seed = spec.first_seed + index
+    return _task(spec, index, {name: _value(name, one, seed) for name, one in spec.ranges.items()})
+
+
+def check_ranges(spec: CampaignSpec) -> None:
+    """Find out before anything is played whether everything that ranges allow is possible, as far as that is known.
+
+    Raises:
+        ValueError: something is not; a sentence says what.
+    """
+    kinds, middle = fields(), draw(spec, 0).drawn
+    for name, one in spec.ranges.items():
+        for end in one.one_of if isinstance(one, ChoiceRange) else one.ends:
+            value = round(end) if isinstance(end, float) and is_whole(kinds[name]) else end
+            _task(spec, 0, {**middle, name: value})
+
+
+def stream(name: str, seed: int) -> np.random.Generator:
+    """Random numbers of a name and a seed, independent of those of any other."""
+    digest = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], dtype="<u4")
+    return np.random.default_rng([seed, *(int(word) for word in digest)])
+
+
+def _value(name: str, one: DrawRange, seed: int) -> Any:
+    share = float(stream(f"draw {name}", seed).random())
+    if isinstance(one, ChoiceRange):
+        return one.one_of[int(share * len(one.one_of))]
+    return one.at(share, whole=is_whole(fields()[name]))
+
+
+def _task(spec: CampaignSpec, index: int, drawn: Mapping[str, Any]) -> CampaignTask:
+    seed, values = spec.first_seed + index, {**spec.fixed, **drawn}
+    parts: dict[str, dict[str, Any]] = {_SETTINGS: {}, **{name: {} for name in _SECTIONS}}
+    for name, value in values.items():
+        section, _, rest = name.partition(".")
+        if section in _SECTIONS:
+            _put(parts[section], rest, value)
+        else:
+            parts[_SETTINGS][name] = value
+    try:
+        sections: dict[str, Any] = {
+            name: _SECTIONS[name].model_validate(parts[name]) for name in _SECTIONS if parts[name]
+        }
+        task = CampaignTask(
+            index=index, seed=seed, kind=spec.kind, settings=Settings(), **sections,
+            drawn={name: _column(value) for name, value in drawn.items()},
+        )  # fmt: skip
+        settings = Settings().with_changes({**_usual(task, parts[_SETTINGS]), **parts[_SETTINGS]})
+    except ValidationError as error:
+        raise ValueError(_sentence(error)) from error
+    task = task.model_copy(update={"settings": settings})
+    _require_sense(task)
+    return task
+
+
+def _put(tree: dict[str, Any], name: str, value: Any) -> None:
+    *path, last = name.split(".")
+    for part in path:
+        tree = tree.setdefault(part, {})
+    tree[last] = value
+
+
+def _column(value: Any) -> DrawnValue:
+    return float(value) if isinstance(value, (bool, int, float)) else str(value)
+
+
+def _usual(task: CampaignTask, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What a campaign sets unless its file does: fast, unseen, and with a camera only where something looks."""
+    faults, session = task.faults, task.kind is TaskKind.SESSION
+    usual: dict[str, Any] = {
+        "rig.pace": Pace.FAST, "rig.seed": task.seed, "rig.video": False, "page.on": False,
+        "rig.linger": LINGER,
+    }  # fmt: skip
+    mended = bool(faults.knocks or faults.grip)
+    if mended and not session:
+        usual["vision.verify"] = True
+    if faults.hands:
+        usual["vision.guard"] = True
+    if (faults.knocks or faults.hands) and not session:
+        usual["rig.person"] = Colour.WHITE if task.seed % 2 else Colour.BLACK
+    usual["rig.cameras"] = session or any({**usual, **given}.get(f"vision.{one}") for one in ("verify", "guard"))
+    if session:
+        usual |= {"white.player": PlayerKind.HUMAN, "black.player": PlayerKind.ENGINE}
+    if task.kind is TaskKind.SETUP:
+        usual["game.plies"] = 0
+    return usual
+
+
+def _require_sense(task: CampaignTask) -> None:
+    settings, start = task.settings, task.start
+    chosen = start.line or settings.game.moves is not None or task.kind is TaskKind.SETUP
+    if start.plies and (settings.game.fen is not None or chosen):
+        raise ValueError("start.plies is a beginning: leave it out, or game.fen, game.moves and start.line")
+    engine, sides = settings.engine, (settings.white, settings.black)
+    if not chosen and engine.nodes is None and engine.move_time is None and all(side.elo is None for side in sides):
+        raise ValueError("engines that think by time play no game twice: give engine.nodes, such as 2000")
+    if task.kind is not TaskKind.SESSION and any(side.player is PlayerKind.HUMAN for side in sides):
+        raise ValueError('a person at the board is scripted: say kind = "session", and leave white.player out')
+    if task.kind is not TaskKind.GAME and (task.faults.kills or task.faults.knocks or task.faults.hands):
+        raise ValueError('faults.kills, faults.knocks and faults.hands are for kind = "game": leave them out')
+
+
+def _sentence(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    name = option_of(".".join(str(part) for part in first["loc"]))
+    return f"{name}: {first['msg'].removeprefix('Value error, ')}, not {first['input']!r}"

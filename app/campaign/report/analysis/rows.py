@@ -1,0 +1,119 @@
+"""What a campaign's report is made from: the rows of games and plies as columns of numbers and words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.campaign.folder import KeptCampaign
+from app.campaign.report.analysis.statistics import Flags, Numbers
+
+Words = NDArray[np.object_]
+"""Texts; None where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowTable:
+    """Rows of one kind, by column, all of one length."""
+
+    columns: Mapping[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, rows: Sequence[Mapping[str, Any]], names: Iterable[str] = ()) -> RowTable:
+        """The columns of rows; one that a row does not have is None there. ``names`` are there also without a row."""
+        wanted = dict.fromkeys(names)
+        for row in rows:
+            wanted.update(dict.fromkeys(row))
+        return cls({name: _column([row.get(name) for row in rows]) for name in wanted})
+
+    def __len__(self) -> int:
+        return max((column.size for column in self.columns.values()), default=0)
+
+    def numbers(self, name: str) -> Numbers:
+        """A column of numbers, NaN where there is none; so throughout where there is no such column."""
+        column = self.columns.get(name)
+        if column is None:
+            return np.full(len(self), np.nan)
+        return column if column.dtype == np.float64 else np.full(column.size, np.nan)
+
+    def words(self, name: str) -> Words:
+        """A column of texts, None where there is none; so throughout where there is no such column."""
+        column = self.columns.get(name)
+        if column is None or column.dtype != np.object_:
+            return np.full(len(self), None, dtype=np.object_)
+        return column
+
+    def where(self, chosen: Flags | NDArray[np.int64]) -> RowTable:
+        """Some of the rows: by flags, or by their places in the order wanted."""
+        return RowTable({name: column[chosen] for name, column in self.columns.items()})
+
+
+def _column(values: Sequence[Any]) -> NDArray[Any]:
+    """Numbers and truths as numbers, everything else as words."""
+    if all(value is None or isinstance(value, (int, float)) for value in values):
+        return np.array([np.nan if value is None else float(value) for value in values], dtype=np.float64)
+    found = np.empty(len(values), dtype=np.object_)
+    found[:] = [None if value is None else str(value) for value in values]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignRows:
+    """All that a campaign has found so far, in the order of its seeds.
+
+    Attributes:
+        name: of the campaign's folder, as the command line had it.
+        games: one row each.
+        plies: one row each, in the order of games and plies.
+        wanted: so many games the campaign has; None: nobody said.
+        kept: what was drawn, and the environment; None: likewise.
+    """
+
+    name: str
+    games: RowTable
+    plies: RowTable
+    wanted: int | None = None
+    kept: KeptCampaign | None = None
+
+    @property
+    def seeds(self) -> NDArray[np.int64]:
+        """Of the games, shape (games,)."""
+        return self.games.numbers("seed").astype(np.int64)
+
+    def outcome_is(self, *outcomes: str) -> Flags:
+        """Which games ended so."""
+        return np.isin(self.games.words("outcome"), outcomes)
+
+    @property
+    def by_arm(self) -> Flags:
+        """Which plies the arm made, shape (plies,); of the others nothing is measured."""
+        return np.asarray(self.plies.words("by") != "hand", dtype=np.bool_)
+
+    def game_of_plies(self) -> NDArray[np.int64]:
+        """Of each ply the place of its game among the games, −1 where there is none."""
+        seeds, of_plies = self.seeds, self.plies.numbers("seed").astype(np.int64)
+        order = np.argsort(seeds, kind="stable")
+        place = np.searchsorted(seeds[order], of_plies)
+        found = np.minimum(place, max(seeds.size - 1, 0))
+        if not seeds.size:
+            return np.full(of_plies.size, -1)
+        return np.where(seeds[order][found] == of_plies, order[found], -1)
+
+
+def mean_by_game(values: Numbers, game: NDArray[np.int64], games: int) -> Numbers:
+    """The average of what plies say, of each game; NaN where none says anything.
+
+    Args:
+        values: of plies; NaN says nothing.
+        game: the place of each ply's game; negative: of none.
+        games: how many there are.
+    """
+    known = ~np.isnan(values) & (game >= 0)
+    count = np.bincount(game[known], minlength=games)
+    total = np.bincount(game[known], values[known], minlength=games)
+    mean: Numbers = np.divide(total, count, out=np.full(games, np.nan), where=count > 0)
+    return mean

@@ -1,0 +1,265 @@
+"""All that a campaign's report says, found once: the page draws it, sentences tell it, ``--json`` hands it on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel
+
+from app.campaign.report.analysis.comparing import (
+    GameMatch,
+    MetricChange,
+    changes,
+    differ,
+    known,
+    level_of,
+    matched,
+    sides_of,
+    visible_rate,
+    with_the_same_plies,
+)
+from app.campaign.report.analysis.explaining import Association, explained
+from app.campaign.report.analysis.figures import FIGURES, Distribution, ProductBar, distribution, product_bars
+from app.campaign.report.analysis.locating import located
+from app.campaign.report.analysis.metrics import FAILED, METRICS, OUTCOMES, Metric
+from app.campaign.report.analysis.ranges import drawn_ranges
+from app.campaign.report.analysis.rows import CampaignRows
+from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
+from app.campaign.report.gate import GateBars, GateVerdict, QuantileBar, bars_by_figure, judged
+from app.settings.toml import toml_value
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeRate:
+    """How often games ended in a certain way.
+
+    Attributes:
+        outcome: which, or a word for several.
+        says: in words.
+        hits: so many games.
+        games: of all.
+        bounds: of the rate, with 95 % confidence.
+        at_most: the upper bound alone, likewise.
+    """
+
+    outcome: str
+    says: str
+    hits: int
+    games: int
+    bounds: RateBounds
+    at_most: float
+
+
+@dataclass(frozen=True, slots=True)
+class FailedGame:
+    """A game that failed.
+
+    Attributes:
+        seed: of it.
+        outcome: how it ended.
+        reason: why.
+        said: the last sentence that a person was told.
+        folder: where its folder was kept, in that of the campaign; empty: it was not.
+        log: of a crash, its last words.
+        repeatable: the world ends the same to the last bit each time.
+    """
+
+    seed: int
+    outcome: str
+    reason: str
+    said: str
+    folder: str
+    log: str
+    repeatable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class HostThroughput:
+    """What the workers of one machine came to.
+
+    Attributes:
+        host: its name.
+        cpu: its processor.
+        games: so many.
+        wall: what they took together, each on one worker [s].
+        plant: what they lasted in plant time [s].
+    """
+
+    host: str
+    cpu: str
+    games: int
+    wall: float
+    plant: float
+
+    @property
+    def games_an_hour(self) -> float:
+        """Of one worker, which is one core."""
+        return 3600.0 * self.games / self.wall if self.wall > 0.0 else float("nan")
+
+    @property
+    def speed(self) -> float:
+        """Plant time in one second of a worker."""
+        return self.plant / self.wall if self.wall > 0.0 else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignComparison:
+    """What came of holding a campaign against an older one.
+
+    Attributes:
+        match: which games were held against which.
+        changes: of each metric in which anything differs, those that were found located; in the order of the metrics.
+        same: metrics that were measured and of which there is nothing to test, since every figure is the same.
+        visible: something that happened in a larger share of the newer games, and in none of the older, would have been
+            seen; None: there are too few games.
+        differences: in what was drawn, and in the environments; None: nobody can say.
+    """
+
+    match: GameMatch
+    changes: tuple[MetricChange, ...]
+    same: tuple[Metric, ...]
+    visible: float | None
+    differences: tuple[str, ...] | None
+
+    @property
+    def found(self) -> tuple[MetricChange, ...]:
+        """The changes that are more than chance, the surest first."""
+        return tuple(sorted((one for one in self.changes if one.found), key=lambda one: one.corrected))
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignFindings:
+    """The whole.
+
+    Attributes:
+        rows: what it was found in.
+        rates: of all outcomes, and of failures together first.
+        distributions: of the figures of which there are any.
+        product_bars: what the product holds figures against, by key.
+        gate_bars: what the gate does.
+        failures: every game that failed, in the order of seeds.
+        explains_failures: ranges that failures were held against, the surest first.
+        explains_mending: the same for games in which something was mended or asked.
+        throughput: by machine.
+        comparison: with an older campaign; None: none was given.
+        verdicts: of the gate; None: none was given.
+    """
+
+    rows: CampaignRows
+    rates: tuple[OutcomeRate, ...]
+    distributions: tuple[Distribution, ...]
+    product_bars: Mapping[str, tuple[ProductBar, ...]]
+    gate_bars: Mapping[str, QuantileBar]
+    failures: tuple[FailedGame, ...]
+    explains_failures: tuple[Association, ...]
+    explains_mending: tuple[Association, ...]
+    throughput: tuple[HostThroughput, ...]
+    comparison: CampaignComparison | None
+    verdicts: tuple[GateVerdict, ...] | None
+
+    @property
+    def holds(self) -> bool:
+        """The gate is held; without one, no game failed."""
+        return not self.failures if self.verdicts is None else all(verdict.held for verdict in self.verdicts)
+
+
+_FAILURES: Final = "failed"
+
+
+def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBars | None = None) -> CampaignFindings:
+    """Find out all that there is to say of a campaign.
+
+    Raises:
+        ConfigError: the gate asks for a comparison, and there is no older campaign.
+    """
+    comparison = None if older is None else compared(older, rows)
+    ranges = drawn_ranges(rows)
+    failed, mended = rows.outcome_is(*FAILED), rows.outcome_is("mended")
+    found = [distribution(figure, rows) for figure in FIGURES]
+    return CampaignFindings(
+        rows, _rates(rows), tuple(one for one in found if one is not None), product_bars(rows), bars_by_figure(bars),
+        _failures(rows), explained(failed, ranges) if failed.any() else (),
+        explained(mended, ranges) if mended.any() else (), _throughput(rows), comparison,
+        None if bars is None else judged(bars, rows, None if comparison is None else comparison.changes),
+    )  # fmt: skip
+
+
+def compared(older: CampaignRows, newer: CampaignRows) -> CampaignComparison:
+    """Hold a campaign against an older one."""
+    match = with_the_same_plies(matched(older, newer))
+    found = tuple(
+        replace(change, where=located(change, match)) if change.found else change for change in changes(match)
+    )
+    same = tuple(metric for metric in METRICS if _the_same(*sides_of(metric, match), match.paired))
+    none = np.zeros(len(match.older.games)), np.zeros(len(match.newer.games))
+    visible = visible_rate(*none, match.paired, level_of(len(found) + 1))
+    return CampaignComparison(match, found, same, visible, _differences(older, newer))
+
+
+def _the_same(older: Numbers, newer: Numbers, paired: bool) -> bool:
+    measured = min(known(older).size, known(newer).size) > 0
+    return measured and not differ(older, newer, paired)
+
+
+def _differences(older: CampaignRows, newer: CampaignRows) -> tuple[str, ...] | None:
+    """What is otherwise in the newer campaign, a phrase each: what its file draws, then its environment."""
+    if older.kept is None or newer.kept is None:
+        return None
+    before, now = older.kept.spec.draw, newer.kept.spec.draw
+    drawn = tuple(
+        f"{name} is {_drawn(now, name)} instead of {_drawn(before, name)}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
+    )
+    return drawn + older.kept.environment.differences(newer.kept.environment)
+
+
+def _drawn(draw: Mapping[str, Any], name: str) -> str:
+    if name not in draw:
+        return "not given"
+    value = draw[name]
+    return toml_value(value.model_dump(by_alias=True) if isinstance(value, BaseModel) else value)
+
+
+def _rates(rows: CampaignRows) -> tuple[OutcomeRate, ...]:
+    rates = [_rate(_FAILURES, "failed in any way", rows, *FAILED)]
+    return (*rates, *(_rate(outcome, says, rows, outcome) for outcome, says in OUTCOMES.items()))
+
+
+def _rate(name: str, says: str, rows: CampaignRows, *outcomes: str) -> OutcomeRate:
+    hits, games = int(rows.outcome_is(*outcomes).sum()), len(rows.games)
+    return OutcomeRate(name, says, hits, games, rate_bounds(hits, games), rate_at_most(hits, games))
+
+
+def _failures(rows: CampaignRows) -> tuple[FailedGame, ...]:
+    games = rows.games.where(np.flatnonzero(rows.outcome_is(*FAILED)))
+    seeds, repeatable = games.numbers("seed").astype(np.int64), games.numbers("repeatable") != 0.0
+
+    def text(name: str, place: int) -> str:
+        return games.words(name)[place] or ""
+
+    return tuple(
+        FailedGame(
+            int(seeds[place]), text("outcome", place), text("reason", place), text("said", place),
+            text("folder", place), text("log", place), bool(repeatable[place]),
+        )
+        for place in np.argsort(seeds, kind="stable")
+    )  # fmt: skip
+
+
+def _throughput(rows: CampaignRows) -> tuple[HostThroughput, ...]:
+    games = rows.games
+    hosts = np.array([one or "unknown" for one in games.words("host")], dtype=np.object_)
+    cpus, walls, plants = games.words("cpu"), games.numbers("wall_s"), games.numbers("sim_s")
+    found = []
+    for host in sorted(set(hosts)):
+        here = (hosts == host) & (walls > 0.0)
+        if here.any():
+            cpu = next((one for one in cpus[here] if one is not None), "")
+            found.append(
+                HostThroughput(host, cpu, int(here.sum()), float(walls[here].sum()), float(np.nansum(plants[here])))
+            )
+    return tuple(found)

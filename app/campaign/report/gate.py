@@ -1,0 +1,205 @@
+"""Bars that a release has to reach, from a TOML file; each is judged in one sentence.
+
+What is judged are bounds and not what was counted: 0 of 50 games wrong does not show that fewer than 1 % are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.campaign.report.analysis.comparing import MetricChange
+from app.campaign.report.analysis.figures import FIGURES, CampaignFigure, distribution, share_beyond
+from app.campaign.report.analysis.metrics import METRICS, Metric
+from app.campaign.report.analysis.rows import CampaignRows
+from app.campaign.report.analysis.statistics import CONFIDENCE, rate_at_most
+from app.campaign.report.wording import amount, percent
+from app.settings.toml import ConfigError, load_toml
+
+Confidence = Field(default=CONFIDENCE, gt=0.5, lt=1.0)
+
+
+class GatePart(BaseModel):
+    """A table of the file; a name that there is not is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RateBar(GatePart):
+    """How often something may happen to a game: the upper bound of its rate."""
+
+    at_most: float = Field(ge=0.0, lt=1.0)
+    confidence: float = Confidence
+
+
+class QuantileBar(GatePart):
+    """What a share of all plies, or games, may not exceed: the rest's share, by its upper bound."""
+
+    quantile: float = Field(gt=0.0, lt=1.0)
+    at_most: float = Field(ge=0.0)
+    confidence: float = Confidence
+
+
+class DurationBars(GatePart):
+    """Of plies by kind, from home to home [s]."""
+
+    quiet: QuantileBar | None = None
+    capture: QuantileBar | None = None
+    castling: QuantileBar | None = None
+    en_passant: QuantileBar | None = None
+    promotion: QuantileBar | None = None
+
+
+class GamesBar(GatePart):
+    """So many games have to be played."""
+
+    at_least: int = Field(ge=1)
+
+
+class ComparisonBar(GatePart):
+    """What a comparison may find: with ``nothing_worse`` no metric that is worse."""
+
+    nothing_worse: bool
+
+
+class GateBars(GatePart):
+    """The whole file: every table may be left out, but not all of them."""
+
+    games: GamesBar | None = None
+    failed: RateBar | None = None
+    wrong: RateBar | None = None
+    unmended: RateBar | None = None
+    crashed: RateBar | None = None
+    mended: RateBar | None = None
+    duration: DurationBars | None = None
+    placement: QuantileBar | None = None
+    torque: QuantileBar | None = None
+    force: QuantileBar | None = None
+    grips_lost: QuantileBar | None = None
+    repairs: QuantileBar | None = None
+    asked: QuantileBar | None = None
+    missed_ticks: QuantileBar | None = None
+    compare: ComparisonBar | None = None
+
+    def of_metrics(self) -> Iterator[tuple[Metric, RateBar]]:
+        """The bars of rates."""
+        for metric in METRICS:
+            bar = getattr(self, metric.key, None) if metric.outcomes else None
+            if bar is not None:
+                yield metric, bar
+
+    def of_figures(self) -> Iterator[tuple[CampaignFigure, QuantileBar]]:
+        """The bars of figures."""
+        for figure in FIGURES:
+            group, _, kind = figure.key.partition(".")
+            bar = getattr(self, group)
+            bar = getattr(bar, kind) if kind and bar is not None else bar
+            if bar is not None:
+                yield figure, bar
+
+
+@dataclass(frozen=True, slots=True)
+class GateVerdict:
+    """One bar: its name in the file, whether it is held, and a sentence."""
+
+    bar: str
+    held: bool
+    sentence: str
+
+
+_WRITE: Final = "docs/examples/bars.toml is one to begin with"
+
+
+def load_bars(path: Path) -> GateBars:
+    """Read a gate.
+
+    Raises:
+        ConfigError: it cannot be read, something in it is wrong, or it asks for nothing.
+    """
+    bars = load_toml(path, GateBars, "gate", _WRITE)
+    if not bars.model_fields_set:
+        raise ConfigError(f"gate file {path} asks for nothing, so that nothing could miss it: {_WRITE}")
+    return bars
+
+
+def judged(
+    bars: GateBars, rows: CampaignRows, changes: tuple[MetricChange, ...] | None = None
+) -> tuple[GateVerdict, ...]:
+    """Hold a campaign against the bars.
+
+    Args:
+        bars: of the file.
+        rows: of the campaign.
+        changes: what a comparison with an older one found; None: it was not compared.
+
+    Raises:
+        ConfigError: the bars ask for a comparison, and there is none.
+    """
+    verdicts = [] if bars.games is None else [_games(bars.games, rows)]
+    verdicts += [_rate(metric, bar, rows) for metric, bar in bars.of_metrics()]
+    verdicts += [_quantile(figure, bar, rows) for figure, bar in bars.of_figures()]
+    if bars.compare is not None and bars.compare.nothing_worse:
+        verdicts.append(_nothing_worse(changes))
+    return tuple(verdicts)
+
+
+def _games(bar: GamesBar, rows: CampaignRows) -> GateVerdict:
+    count = len(rows.games)
+    return GateVerdict("games", count >= bar.at_least, f"{count} games were played, at least {bar.at_least} are wanted")
+
+
+def _rate(metric: Metric, bar: RateBar, rows: CampaignRows) -> GateVerdict:
+    hits, games = int(rows.outcome_is(*metric.outcomes).sum()), len(rows.games)
+    bound = rate_at_most(hits, games, bar.confidence)
+    held = bound <= bar.at_most
+    sentence = (
+        f"{metric.name}: {hits} of {games}, so at most {percent(bound)} with {percent(bar.confidence)} confidence; "
+        f"the bar is {percent(bar.at_most)}"
+    )
+    if not held and rate_at_most(0, max(games, 1), bar.confidence) > bar.at_most:
+        sentence += f", which takes {games_for(bar)} games without one"
+    return GateVerdict(metric.key, held, sentence)
+
+
+def games_for(bar: RateBar) -> str:
+    """So many games without a hit it takes to show a bar."""
+    if bar.at_most == 0.0:
+        return "more than any number of"
+    return str(math.ceil(math.log(1.0 - bar.confidence) / math.log(1.0 - bar.at_most)))
+
+
+def _quantile(figure: CampaignFigure, bar: QuantileBar, rows: CampaignRows) -> GateVerdict:
+    found = distribution(figure, rows)
+    if found is None:
+        return GateVerdict(figure.key, False, f"{figure.name}: there was none to judge")
+    count, hits, trials = share_beyond(found, rows, bar.at_most)
+    bound, allowed = rate_at_most(hits, trials, bar.confidence), 1.0 - bar.quantile
+    what = "plies" if figure.of_plies else "games"
+    return GateVerdict(
+        figure.key, bound <= allowed + 1e-12,
+        f"{figure.name}: {percent(bar.quantile)} of the {what} are within {amount(found.quantile(bar.quantile))}"
+        f"{_unit(figure)}; {count} of {found.values.size} are beyond {amount(bar.at_most)}{_unit(figure)}, so at most "
+        f"{percent(bound)} with {percent(bar.confidence)} confidence; the bar is {percent(allowed)}",
+    )  # fmt: skip
+
+
+def _unit(figure: CampaignFigure) -> str:
+    return f" {figure.unit}" if figure.unit else ""
+
+
+def _nothing_worse(changes: tuple[MetricChange, ...] | None) -> GateVerdict:
+    if changes is None:
+        raise ConfigError("the gate asks that nothing is worse than in an older campaign: say which, by --compare")
+    worse = [change.metric.name for change in changes if change.found and change.worse]
+    said = f"worse than before: {', '.join(worse)}" if worse else "nothing was found to be worse than before"
+    return GateVerdict("compare", not worse, said)
+
+
+def bars_by_figure(bars: GateBars | None) -> Mapping[str, QuantileBar]:
+    """The bars of figures by their keys; of no gate none."""
+    return {} if bars is None else {figure.key: bar for figure, bar in bars.of_figures()}

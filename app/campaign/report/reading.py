@@ -1,0 +1,80 @@
+"""Reads a campaign's rows: from its ledgers, shards put together; from Parquet where that is all there is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from app import UserError
+from app.campaign.folder import CAMPAIGN_FILE, kept_campaign
+from app.campaign.ledger import ledgers_in, results_in
+from app.campaign.report.analysis.rows import CampaignRows, RowTable
+from app.campaign.schema import GAMES_FILE, PLIES_FILE, SCHEMA_VERSION, GameRow, PlyRow, TaskResult
+
+
+class CampaignRowsError(UserError):
+    """The rows of a campaign cannot be read."""
+
+
+def read_rows(folder: Path) -> CampaignRows:
+    """Read what a campaign has found so far, also while it goes on.
+
+    Raises:
+        UserError: there is no campaign in the folder, or its rows cannot be read.
+    """
+    if ledgers_in(folder):
+        games, plies = _from_ledgers(folder)
+    elif (folder / GAMES_FILE).is_file():
+        games, plies = _from_parquet(folder / GAMES_FILE), _from_parquet(folder / PLIES_FILE)
+    else:
+        raise CampaignRowsError(
+            f"there is no result of a campaign in '{folder}': name a folder that 'touchmove campaign' was told by --out"
+        )
+    games = games.where(np.argsort(games.numbers("seed"), kind="stable"))
+    plies = plies.where(np.lexsort((plies.numbers("ply"), plies.numbers("seed"))))
+    kept = kept_campaign(folder) if (folder / CAMPAIGN_FILE).is_file() else None
+    return CampaignRows(str(folder), games, plies, None if kept is None else kept.games, kept)
+
+
+def _from_ledgers(folder: Path) -> tuple[RowTable, RowTable]:
+    """All results of all shards; what two of them hold counts once."""
+    results: dict[int, TaskResult] = {}
+    for ledger in ledgers_in(folder):
+        for result in results_in(ledger):
+            results.setdefault(result.game.index, result)
+    games = [result.game.columns() for result in results.values()]
+    plies = [ply.columns() for result in results.values() for ply in result.plies]
+    return RowTable.of(games, _fields(GameRow)), RowTable.of(plies, _fields(PlyRow))
+
+
+def _fields(row: type[GameRow | PlyRow]) -> list[str]:
+    return [name for name in row.model_fields if name != "drawn"]
+
+
+def _from_parquet(file: Path) -> RowTable:
+    try:
+        table = parquet.read_table(file)
+    except (OSError, ValueError) as error:
+        said = " ".join(str(error).split())
+        raise CampaignRowsError(f"'{file}' cannot be read as Parquet: {said}: make it again from the ledger") from error
+    rows = RowTable({name: _column(table.column(name)) for name in table.column_names})
+    newer = rows.numbers("schema_version") > SCHEMA_VERSION
+    if newer.any():
+        raise CampaignRowsError(
+            f"'{file}' is of a newer version than {SCHEMA_VERSION}: read it with the one that wrote it"
+        )
+    return rows
+
+
+def _column(column: Any) -> NDArray[Any]:
+    """Numbers and truths as numbers, NaN for null; everything else as words."""
+    if not (pyarrow.types.is_string(column.type) or pyarrow.types.is_large_string(column.type)):
+        return np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
+    found = np.empty(len(column), dtype=np.object_)
+    found[:] = column.to_pylist()
+    return found

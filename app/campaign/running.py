@@ -1,0 +1,252 @@
+"""Runs a campaign, or goes on with one: draws tasks, hands them out, and keeps what comes in."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from pydantic import NonNegativeInt
+
+from app.campaign.drawing import draw
+from app.campaign.environment import CampaignEnvironment, environment_here
+from app.campaign.folder import KeptCampaign, keep_campaign
+from app.campaign.ledger import WHOLE, Ledger, Shard
+from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
+from app.campaign.schema import GAMES_FOLDER, GameRow, TaskKind, TaskOutcome, TaskResult
+from app.campaign.spec import CampaignSpec, ChoiceRange
+from app.campaign.tables import write_tables
+from app.campaign.task import CampaignTask
+from app.campaign.tasks.rows import crashed
+from app.campaign.workers.cluster import open_cluster
+from app.campaign.workers.local import MOST_TASKS, LocalWorkers
+from app.campaign.workers.order import Kept, TaskOrder
+from app.campaign.workers.worker import play_task
+from app.records.files import recording
+from hardware.frozen import Frozen
+
+TABLES_EVERY: Final = 180.0
+"""The tables are made anew so often [s, wall] …"""
+TABLES_SHARE: Final = 0.01
+"""… and at most for this share of the time."""
+WINDOW: Final = 2
+"""So many tasks for each core are handed out: one is played, one waits."""
+_FILES: Final = ("engine.book", "white.book", "black.book", "vision.calibration")
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignWish:
+    """How a campaign is to be run.
+
+    Attributes:
+        games: so many tasks it has in all.
+        folder: of the campaign.
+        workers: processes on this machine; None: one for each core that this process may use.
+        scheduler: address of Dask's instead; None: this machine.
+        shard: only this part of the tasks.
+        keep: folders of which games.
+        play: what a worker does; another one for measurements.
+        most_tasks: of a worker on this machine; see ``LocalWorkers``.
+        pause: see ``Scheduling``.
+    """
+
+    games: int
+    folder: Path
+    workers: int | None = None
+    scheduler: str | None = None
+    shard: Shard = WHOLE
+    keep: Kept = Kept.FAILED
+    play: Callable[[str], str] = play_task
+    most_tasks: int = MOST_TASKS
+    pause: float = 10.0
+
+
+class CampaignSummary(Frozen):
+    """What a command says in the end."""
+
+    folder: Path
+    games: NonNegativeInt
+    """That were to be played here: all, or a shard's."""
+    done: NonNegativeInt
+    outcomes: dict[TaskOutcome, NonNegativeInt]
+    failed: tuple[GameRow, ...]
+    wall_s: float
+    played: NonNegativeInt
+    """By this command."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether no game was wrong, lost or crashed, and all were played."""
+        return not self.failed and self.done == self.games
+
+
+class CampaignShown(Protocol):
+    """Who watches a campaign."""
+
+    def begun(self, wanted: int, before: tuple[GameRow, ...], dashboard: str | None) -> None:
+        """It begins, or goes on: so many games there are to be, and these there were."""
+
+    def finished(self, game: GameRow) -> None:
+        """A game is over."""
+
+    def idle(self) -> None:
+        """Time goes by."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Workers:
+    scheduling: Callable[[Callable[[CampaignTask], str], Callable[[], None]], Scheduling]
+    environment: Callable[[str | None, tuple[str, ...]], CampaignEnvironment]
+    dashboard: str | None
+    stop: Callable[[], None]
+
+
+@dataclass(slots=True)
+class _Tally:
+    outcomes: Counter[TaskOutcome] = field(default_factory=Counter)
+    failed: list[GameRow] = field(default_factory=list)
+
+    def add(self, game: GameRow) -> None:
+        self.outcomes[game.outcome] += 1
+        if game.failed:
+            self.failed.append(game)
+
+
+def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -> CampaignSummary:
+    """Play what has no result yet.
+
+    Raises:
+        UserError: the folder is another campaign's or cannot be written, there are no such workers, or it cannot go on;
+            what was played is in the ledger, and the same call goes on.
+        KeyboardInterrupt: it was interrupted; likewise.
+    """
+    since, tally, played = time.monotonic(), _Tally(), 0
+    with _workers(wish) as workers:
+        engine, files = engine_of(spec), files_of(spec)
+        environment = workers.environment(engine, files)
+        kept = keep_campaign(wish.folder, KeptCampaign(games=wish.games, spec=spec, environment=environment))
+        with recording(wish.folder / GAMES_FOLDER):
+            (wish.folder / GAMES_FOLDER).mkdir(exist_ok=True)
+        indices = wish.shard.indices(wish.games)
+        with Ledger(wish.folder / wish.shard.ledger) as ledger:
+            before = tuple(game for game in ledger.before if game.index in indices)
+            for game in before:
+                tally.add(game)
+            shown.begun(len(indices), before, workers.dashboard)
+
+            def order(task: CampaignTask) -> str:
+                folder = wish.folder.absolute()
+                given = TaskOrder(task=task, environment=environment, engine=engine, keep=wish.keep, folder=folder)
+                return given.model_dump_json()
+
+            tasks = (draw(spec, index) for index in indices if index not in ledger.done)
+            tables = _Tables(wish.folder, kept.spec)
+            try:
+                for result in _results(tasks, workers, order, shown, environment):
+                    if ledger.add(result):
+                        tally.add(result.game)
+                        played += 1
+                        shown.finished(result.game)
+                    tables.write_if_due()
+            except BaseException:
+                workers.stop()
+                raise
+            finally:
+                tables.write()
+    done = sum(tally.outcomes.values())
+    return CampaignSummary(
+        folder=wish.folder, games=len(indices), done=done, outcomes=dict(tally.outcomes), failed=tuple(tally.failed),
+        wall_s=time.monotonic() - since, played=played,
+    )  # fmt: skip
+
+
+def _results(
+    tasks: Iterator[CampaignTask], workers: _Workers, order: Callable[[CampaignTask], str], shown: CampaignShown,
+    environment: CampaignEnvironment,
+) -> Iterator[TaskResult]:  # fmt: skip
+    def died(task: CampaignTask, reason: str, log: str) -> TaskResult:
+        return crashed(task, reason, log, environment.digest)
+
+    return results_of(tasks, workers.scheduling(order, shown.idle), died)
+
+
+@contextmanager
+def _workers(wish: CampaignWish) -> Iterator[_Workers]:
+    if wish.scheduler is not None:
+        with open_cluster(wish.scheduler) as cluster:
+
+            def ask(engine: str | None, files: tuple[str, ...]) -> CampaignEnvironment:
+                return cluster.executor.submit(environment_here, engine, files).result()
+
+            yield _Workers(
+                lambda order, idle: Scheduling(
+                    cluster.executor, order, wish.play, lambda: WINDOW * cluster.cores(), cluster.deaths, wish.pause,
+                    idle,
+                ),
+                ask, cluster.dashboard, lambda: None,
+            )  # fmt: skip
+        return
+    number = wish.workers or len(os.sched_getaffinity(0))
+    local = LocalWorkers(number, wish.most_tasks)
+    try:
+        yield _Workers(
+            lambda order, idle: Scheduling(local, order, wish.play, lambda: WINDOW * number, (), wish.pause, idle),
+            lambda engine, files: local.submit(environment_here, engine, files).result(), None, local.stop,
+        )  # fmt: skip
+    except BaseException:
+        local.stop()
+        raise
+    else:
+        local.shutdown()
+
+
+class _Tables:
+    """Parquet as it grows."""
+
+    def __init__(self, folder: Path, spec: CampaignSpec) -> None:
+        self._folder, self._spec = folder, spec
+        self._next = time.monotonic() + TABLES_EVERY
+
+    def write_if_due(self) -> None:
+        """Not more often than it is worth."""
+        since = time.monotonic()
+        if since >= self._next:
+            self.write()
+            took = time.monotonic() - since
+            self._next = time.monotonic() + max(TABLES_EVERY, took / TABLES_SHARE)
+
+    def write(self) -> None:
+        """From all ledgers."""
+        write_tables(self._folder, self._spec)
+
+
+def engine_of(spec: CampaignSpec) -> str | None:
+    """Which engine plays; None: none; empty: the usual one."""
+    if spec.kind is TaskKind.SETUP or spec.fixed.get("start.line") is True or "game.moves" in spec.draw:
+        return None
+    return str(spec.fixed.get("engine.path", ""))
+
+
+def files_of(spec: CampaignSpec) -> tuple[str, ...]:
+    """Files that games depend on."""
+    draw: Mapping[str, Any] = spec.draw
+    named = [draw[name] for name in _FILES if name in draw]
+    flat = [one for value in named for one in (value.one_of if isinstance(value, ChoiceRange) else (value,))]
+    return tuple(sorted({str(one) for one in flat}))
+
+
+def require_games(kept: KeptCampaign, folder: Path, seed: int) -> int:
+    """The index of a seed in a campaign.
+
+    Raises:
+        CampaignStopped: it has no such.
+    """
+    first = kept.spec.first_seed
+    if not first <= seed < first + kept.games:
+        raise CampaignStopped(f"the campaign in {folder} has the seeds {first} to {first + kept.games - 1}, not {seed}")
+    return seed - first

@@ -1,0 +1,179 @@
+"""A campaign's file: what is played, from which seed on, and over which ranges. Strict TOML.
+
+Values stand below ``[draw]`` by dotted names: any field of the settings (``engine.nodes``), of the world's
+randomisation (``randomisation.piece_mass``), of ``CampaignFaults`` (``faults.grip``), ``CampaignStart`` and
+``SessionPlan``. Each is a plain value or a range.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, Self
+
+from pydantic import BaseModel, Field, NonNegativeInt, model_validator
+
+from app.campaign.schema import TaskKind
+from app.campaign.task import CampaignFaults, CampaignStart, SessionPlan
+from app.settings.tree import Settings
+from hardware.frozen import FrozenFinite
+from hardware.sim.process.randomisation import Randomisation
+
+Plain = bool | int | float | str
+RESERVED: Final = (
+    "out", "rig.name", "rig.seed", "rig.pace", "rig.drives", "rig.randomise", "rig.ideal", "rig.port", "rig.relay",
+    "game.games", "game.replay", "game.replay_game", "game.from_ply", "game.from_board", "page", "terminal",
+)  # fmt: skip
+"""Settings that a campaign decides itself, or that mean nothing in one."""
+
+
+class UniformRange(FrozenFinite):
+    """Any value between two, each as likely; of fields for whole numbers a whole one, both ends included."""
+
+    from_: float = Field(alias="from")
+    to: float
+    log: bool = False
+    """By its logarithm: from 1 to 100 half of them are below 10."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.to < self.from_:
+            raise ValueError(f"to = {self.to:g} is below from = {self.from_:g}: exchange them")
+        if self.log and self.from_ <= 0.0:
+            raise ValueError(f"from = {self.from_:g} has no logarithm: choose one above 0, or leave log out")
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both."""
+        return self.from_, self.to
+
+    def at(self, share: float, *, whole: bool) -> float | int:
+        """The value below which this share of all lies, 0 to 1."""
+        low, high = self.from_ - 0.5 * whole, self.to + 0.5 * whole
+        if self.log:  # a whole number's lower end stays above 0: none is below 1
+            low, high = math.log(low), math.log(high)
+        value = low + share * (high - low)
+        value = math.exp(value) if self.log else value
+        return min(max(round(value), round(self.from_)), round(self.to)) if whole else value
+
+
+class ChoiceRange(FrozenFinite):
+    """One of some values, each as likely; one that is named twice is twice as likely."""
+
+    one_of: tuple[Plain, ...] = Field(min_length=1)
+
+
+DrawRange = UniformRange | ChoiceRange
+
+
+class CampaignSpec(FrozenFinite):
+    """A campaign but for how many games it has."""
+
+    kind: TaskKind = TaskKind.GAME
+    """game, session or setup."""
+    first_seed: NonNegativeInt = 1
+    """Of the first task; each other one has the next."""
+    title: str = ""
+    """For people."""
+    draw: dict[str, Any] = Field(default_factory=dict)
+    """Ranges and plain values by dotted name."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, given: Any) -> Any:
+        if isinstance(given, Mapping) and isinstance(given.get("draw"), Mapping):
+            return {**given, "draw": dict(_flattened(given["draw"]))}
+        return given
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        names = fields()
+        for name in self.draw:
+            if name not in names:
+                near = difflib.get_close_matches(name, names, n=1)
+                said = f"did you mean {near[0]}?" if near else "'touchmove config' and docs/campaign.md list them"
+                raise ValueError(f"there is nothing called {name} to draw: {said}")
+        return self
+
+    @property
+    def ranges(self) -> dict[str, DrawRange]:
+        """What differs from seed to seed, by name."""
+        return {name: value for name, value in self.draw.items() if isinstance(value, DrawRange)}
+
+    @property
+    def fixed(self) -> dict[str, Any]:
+        """What does not."""
+        return {name: value for name, value in self.draw.items() if not isinstance(value, DrawRange)}
+
+
+@cache
+def fields() -> Mapping[str, Any]:
+    """Everything that can be drawn: the type of each by its dotted name."""
+    return types.MappingProxyType({
+        **{name: kind for name, kind in _fields(Settings, "") if not _reserved(name)},
+        **dict(_fields(Randomisation, "randomisation.")),
+        **dict(_fields(CampaignFaults, "faults.")),
+        **dict(_fields(CampaignStart, "start.")),
+        **dict(_fields(SessionPlan, "session.")),
+    })  # fmt: skip
+
+
+def is_whole(kind: Any) -> bool:
+    """Whether a field of this type is for whole numbers."""
+    parts = set(_parts(kind))
+    return int in parts and float not in parts
+
+
+def _reserved(name: str) -> bool:
+    return name in RESERVED or name.split(".", maxsplit=1)[0] in RESERVED
+
+
+def _fields(model: type[BaseModel], before: str) -> Iterator[tuple[str, Any]]:
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            yield from _fields(kind, f"{before}{name}.")
+        else:
+            yield before + name, kind
+
+
+def _parts(kind: Any) -> Iterator[Any]:
+    if typing.get_origin(kind) in (typing.Union, types.UnionType, typing.Annotated):
+        for part in typing.get_args(kind):
+            yield from _parts(part)
+    else:
+        yield kind
+
+
+_RANGES: Final = ({"from", "to"}, {"from", "to", "log"}, {"one_of"})
+
+
+def _flattened(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Tables within tables as dotted names; a table with the keys of a range is one."""
+    known = fields()
+    for key, value in table.items():
+        name = before + key
+        if isinstance(value, Mapping) and set(value) in _RANGES:
+            yield name, ChoiceRange.model_validate(value) if "one_of" in value else UniformRange.model_validate(value)
+        elif isinstance(value, Mapping) and name not in known:
+            yield from _flattened(value, f"{name}.")
+        else:
+            yield name, value
+
+
+def beside(folder: Path, draw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Values that name files, as paths that hold anywhere; they lie beside a campaign's file."""
+    known = fields()
+    for name, value in draw.items():
+        if not any(part is Path for part in _parts(known[name])):
+            yield name, value
+        elif isinstance(value, ChoiceRange):
+            yield name, ChoiceRange(one_of=tuple(str(folder / str(one)) for one in value.one_of))
+        else:
+            yield name, str(folder / str(value))

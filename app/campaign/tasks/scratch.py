@@ -1,0 +1,62 @@
+"""Folders of games that are being played, which go with the game; of one whose worker was killed, soon after.
+
+A folder belongs to whoever holds the lock on a file in it. The lock goes with its process, however that ends: what it
+has left, a world that waits for another program included, is then ended and cleared away by whoever comes next.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import signal
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+PREFIX: Final = "touchmove-game-"
+_OWNER: Final = ".owner"
+
+
+@contextmanager
+def scratch_folder(seed: int) -> Iterator[Path]:
+    """A folder for a game; gone afterwards, with whatever still runs in it."""
+    clear_left_behind()
+    with tempfile.TemporaryDirectory(prefix=".touchmove-new-") as name, (Path(name) / _OWNER).open("wb") as owner:
+        fcntl.flock(owner, fcntl.LOCK_EX)
+        new = Path(name)
+        folder = new.rename(new.with_name(new.name.replace(".touchmove-new-", f"{PREFIX}{seed}-")))
+        new.mkdir()  # for the context manager, which clears it away
+        try:
+            yield folder
+        finally:
+            _clear(folder)
+
+
+def clear_left_behind() -> None:
+    """End and clear away what killed workers of this user have left on this machine."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        with suppress(OSError), (folder / _OWNER).open("rb") as owner:  # gone meanwhile, or somebody else's
+            if folder.stat().st_uid == os.getuid():
+                fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _clear(folder)
+
+
+def _clear(folder: Path) -> None:
+    for pid in running_in(folder):
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def running_in(folder: Path) -> list[int]:
+    """Processes of this user that have something in a folder on their command line, but for this one."""
+    mark, found = os.fsencode(folder.resolve()), []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal() and int(entry.name) != os.getpid():
+            with suppress(OSError):
+                if mark in (entry / "cmdline").read_bytes():
+                    found.append(int(entry.name))
+    return found

@@ -1,0 +1,31 @@
+"""What a worker is told: a task, and what it takes to play it the same as everywhere."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+from app.campaign.environment import CampaignEnvironment
+from app.campaign.task import CampaignTask
+from hardware.frozen import Frozen
+
+
+class Kept(StrEnum):
+    """Folders of which games are kept."""
+
+    ALL = "all"
+    FAILED = "failed"
+    NONE = "none"
+
+
+class TaskOrder(Frozen):
+    """What a worker is told."""
+
+    task: CampaignTask
+    environment: CampaignEnvironment
+    engine: str | None
+    """See ``environment_here``."""
+    keep: Kept = Kept.FAILED
+    folder: Path | None = None
+    """Of the campaign, where games are kept; None: nowhere."""
+    film: bool = False

@@ -1,0 +1,154 @@
+"""What a worker does: plays one task in a folder of its own, and tells what came of it. Nothing is shared.
+
+Orders and answers are texts, so that any scheduler can carry them. What is no result of the game is an exception:
+another environment, a machine that has no room, processes of the game that were killed.
+"""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from app.campaign.environment import environment_here
+from app.campaign.folder import CAMPAIGN_FILE
+from app.campaign.schema import GAMES_FOLDER, GameRow, TaskResult
+from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
+from app.campaign.tasks.playing import GAME, play_here
+from app.campaign.tasks.rows import TaskStory, crashed, result_of
+from app.campaign.tasks.scratch import scratch_folder
+from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
+from app.campaign.workers.order import Kept, TaskOrder
+from app.records.files import full_disk
+from app.rig.simulation.processes import last_words
+from controller.protocol.key import KEY_FILE
+from hardware.sim.process.settings import END_FILE
+
+MACHINE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO})
+"""Errors of a machine, not of a game."""
+
+
+def play_task(text: str) -> str:
+    """Play one task.
+
+    Args:
+        text: a ``TaskOrder``.
+
+    Returns:
+        A ``TaskResult``.
+
+    Raises:
+        EnvironmentDiffers: it is not played here.
+        MachineTrouble: it may work later.
+        GameDied: it may work again.
+        BrokenOff: it was told to end.
+    """
+    order = TaskOrder.model_validate_json(text)
+    here = environment_here(order.engine, tuple(order.environment.files))
+    if found := order.environment.differences(here):
+        raise EnvironmentDiffers("; ".join(found))
+    with _classified(order), scratch_folder(order.task.seed) as folder:
+        return _played(order, folder).model_dump_json()
+
+
+def play_again(text: str) -> str:
+    """Play one task, and leave its folder as the order says, which becomes that folder.
+
+    Raises:
+        OSError: it cannot be kept there. Else as ``play_task``.
+    """
+    order = TaskOrder.model_validate_json(text)
+    assert order.folder is not None, "whoever plays again wants to see it"
+    with _classified(order), scratch_folder(order.task.seed) as folder:
+        result = _played(order.model_copy(update={"keep": Kept.NONE}), folder)
+        shutil.copytree(folder, order.folder, ignore=_no_record)
+        return result.model_dump_json()
+
+
+@contextmanager
+def _classified(order: TaskOrder) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise BrokenOff(f"seed {order.task.seed} was broken off") from None
+    except OSError as error:
+        if error.errno not in MACHINE:
+            raise
+        raise MachineTrouble(str(error)) from error
+
+
+def _played(order: TaskOrder, folder: Path) -> TaskResult:
+    task, digest, begun = order.task, order.environment.digest, time.monotonic()
+    play = play_with_kills if task.faults.kills else play_here
+    try:
+        story = play(task, folder, order.film)
+    except KilledWithLog as error:
+        result = crashed(task, "the game's program ended with an error", str(error), digest)
+    except GameDied as error:
+        _require_machine(folder, error)
+        raise GameDied(f"{error}; {_last_words(folder)}") from error
+    except Exception as error:
+        _require_machine(folder, error)
+        result = crashed(task, f"{type(error).__name__}: {error}", traceback.format_exc(), digest)
+    else:
+        _require_machine(folder, None)
+        _require_alive(folder, story)
+        story.wall_s = time.monotonic() - begun
+        result = result_of(task, folder / GAME, story, digest)
+    return result.model_copy(update={"game": _keep(order, folder, result.game)})
+
+
+def _require_machine(folder: Path, error: BaseException | None) -> None:
+    """Tell a machine's failure from a game's; by what was raised, or what the disk says now.
+
+    Raises:
+        MachineTrouble: it is one.
+    """
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in MACHINE:
+            raise MachineTrouble(str(error)) from error
+        error = error.__cause__ or error.__context__
+    if full := full_disk(folder):
+        raise MachineTrouble(full)
+
+
+def _require_alive(folder: Path, story: TaskStory) -> None:
+    """A world that has ended in order says how, whatever became of the game.
+
+    Raises:
+        GameDied: it does not.
+    """
+    run_dir = folder / GAME / "run"
+    if story.completed or not run_dir.is_dir() or (run_dir / END_FILE).exists():
+        return
+    raise GameDied(f"{story.reason}; {_last_words(folder)}")
+
+
+def _last_words(folder: Path) -> str:
+    """Of every process of a game."""
+    logs = [folder / LOG, *sorted((folder / GAME / "run").glob("*.log"))]
+    return "; ".join(f"{log.name}: {last_words(log) or 'nothing'}" for log in logs if log.exists())
+
+
+def _keep(order: TaskOrder, folder: Path, game: GameRow) -> GameRow:
+    """Keep the folder of a game where that is wanted, and where the campaign's folder can be reached from here."""
+    wanted = order.keep is Kept.ALL or (order.keep is Kept.FAILED and game.failed)
+    if not wanted or order.folder is None or not (order.folder / CAMPAIGN_FILE).exists():
+        return game
+    kept = order.folder / GAMES_FOLDER / str(game.seed)
+    shutil.rmtree(kept, ignore_errors=True)  # of a worker that was killed while it copied
+    part = kept.with_name(f".{kept.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    shutil.copytree(folder, part, ignore=_no_record)
+    part.rename(kept)
+    return game.model_copy(update={"folder": f"{GAMES_FOLDER}/{game.seed}"})
+
+
+def _no_record(folder: str, names: list[str]) -> list[str]:
+    """Keys, sockets and locks."""
+    return [name for name in names if name.startswith(".") or name == KEY_FILE or (Path(folder) / name).is_socket()]

@@ -1,0 +1,1 @@
+"""What was played, as demonstrations for robot learning: one episode a ply, in LeRobot's format or as MCAP."""

@@ -1,0 +1,93 @@
+"""Rows are read from ledgers, shards put together, or from Parquet, and what is no campaign is said in one sentence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pytest
+from pyarrow import parquet
+
+from app import UserError
+from app.campaign.report.findings import findings
+from app.campaign.report.page import campaign_page
+from app.campaign.report.reading import CampaignRowsError, read_rows
+from app.campaign.schema import GameRow, PlyRow, TaskKind, TaskOutcome, TaskResult
+
+
+def result(seed: int, outcome: TaskOutcome = TaskOutcome.RIGHT, plies: int = 2) -> TaskResult:
+    game = GameRow(
+        index=seed, seed=seed, kind=TaskKind.GAME, outcome=outcome, reason="ply limit", environment="abc", host="here",
+        cpu="one", wall_s=3.0, sim_s=9.0, drawn={"rig.profile": "fast", "randomisation.friction": 0.5 + seed},
+    )  # fmt: skip
+    rows = [
+        PlyRow(
+            index=seed, seed=seed, ply=ply, san="e4", uci="e2e4", kind="quiet", by="arm", piece="P", planned_s=1.2,
+            real_s=1.3, error_mm=None if ply == 1 else 0.25, peak_torque_Nm=3.0, peak_force_N=6.0, physical_ok=True,
+            transfers=1, repairs=0,
+        )
+        for ply in range(1, plies + 1)
+    ]  # fmt: skip
+    return TaskResult(game=game, plies=tuple(rows))
+
+
+def write(path: Path, results: list[TaskResult], torn: str = "") -> None:
+    path.write_text("".join(f"{one.model_dump_json()}\n" for one in results) + torn)
+
+
+def test_shards_are_put_together_in_the_order_of_seeds(tmp_path: Path) -> None:
+    write(tmp_path / "results-1-of-2.jsonl", [result(4), result(0, TaskOutcome.WRONG)])
+    write(tmp_path / "results-2-of-2.jsonl", [result(1), result(4, TaskOutcome.CRASHED)], torn='{"game": {"index": 9')
+    rows = read_rows(tmp_path)
+    assert rows.seeds.tolist() == [0, 1, 4], "what two hold counts once, what is cut off not at all"
+    assert rows.outcome_is("wrong").tolist() == [True, False, False]
+    assert rows.games.numbers("drawn.randomisation.friction").tolist() == [0.5, 1.5, 4.5]
+    assert rows.games.words("drawn.rig.profile").tolist() == ["fast"] * 3
+    assert rows.plies.numbers("ply").tolist() == [1, 2] * 3
+    assert np.isnan(rows.plies.numbers("error_mm")).tolist() == [True, False] * 3
+    assert rows.game_of_plies().tolist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_parquet_says_the_same(tmp_path: Path) -> None:
+    results = [result(0), result(1, TaskOutcome.UNMENDED), result(2)]
+    (tmp_path / "ledger").mkdir()
+    (tmp_path / "tables").mkdir()
+    write(tmp_path / "ledger" / "results.jsonl", results)
+    games = pyarrow.Table.from_pylist([one.game.columns() for one in results])
+    plies = pyarrow.Table.from_pylist([ply.columns() for one in results for ply in one.plies])
+    parquet.write_table(games, tmp_path / "tables" / "games.parquet")
+    parquet.write_table(plies, tmp_path / "tables" / "plies.parquet")
+    ledger, tables = (read_rows(tmp_path / name) for name in ("ledger", "tables"))
+    assert set(ledger.games.columns) >= set(tables.games.columns)
+    for name in tables.games.columns:
+        assert ledger.games.words(name).tolist() == tables.games.words(name).tolist(), name
+        np.testing.assert_array_equal(ledger.games.numbers(name), tables.games.numbers(name), name)
+    for name in tables.plies.columns:
+        np.testing.assert_array_equal(ledger.plies.numbers(name), tables.plies.numbers(name), name)
+    pages = [campaign_page(findings(rows)).replace(rows.name, "X") for rows in (ledger, tables)]
+    assert pages[0].replace("ledger", "tables") == pages[1]
+
+
+def test_what_is_no_campaign_is_said(tmp_path: Path) -> None:
+    with pytest.raises(CampaignRowsError, match=r"there is no result of a campaign in .*: name a folder"):
+        read_rows(tmp_path)
+    (tmp_path / "games.parquet").write_bytes(b"no parquet")
+    with pytest.raises(CampaignRowsError, match=r"games.parquet' cannot be read as Parquet: .*: make it again"):
+        read_rows(tmp_path)
+
+
+def test_a_line_of_another_version_is_named(tmp_path: Path) -> None:
+    line = json.loads(result(0).model_dump_json())
+    line["game"]["schema_version"] = 2
+    (tmp_path / "results.jsonl").write_text(result(1).model_dump_json() + "\n" + json.dumps(line) + "\n")
+    with pytest.raises(UserError, match=r"line 2, is no result of this version \(game.schema_version: "):
+        read_rows(tmp_path)
+
+
+def test_tables_of_a_newer_version_are_refused(tmp_path: Path) -> None:
+    games = [result(0).game.columns() | {"schema_version": 2}]
+    parquet.write_table(pyarrow.Table.from_pylist(games), tmp_path / "games.parquet")
+    with pytest.raises(CampaignRowsError, match="is of a newer version than 1: read it with the one"):
+        read_rows(tmp_path)

@@ -1,0 +1,135 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.campaign.drawing import draw, stream
+from app.campaign.folder import load_spec
+from app.campaign.schema import TaskKind
+from app.campaign.spec import CampaignSpec, ChoiceRange, UniformRange
+from app.campaign.task import CampaignTask
+from app.settings.toml import ConfigError
+from hardware.piece_set import Colour
+
+EXAMPLES = sorted((Path(__file__).parents[3] / "docs" / "examples").glob("campaign*.toml"))
+RANGES = {
+    "engine.nodes": {"from": 10, "to": 1000, "log": True},
+    "randomisation.piece_mass": {"from": 0.0, "to": 0.4},
+    "rig.profile": {"one_of": ["default", "fast"]},
+    "game.plies": 6,
+}
+
+
+def spec(**draw: object) -> CampaignSpec:
+    return CampaignSpec.model_validate({"draw": {"engine.nodes": 300, **draw}})
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "campaign.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_seed_draws_the_same_each_time_and_survives_its_way_to_a_worker() -> None:
+    one = spec(**RANGES)
+    task = draw(one, 7)
+    assert draw(CampaignSpec.model_validate({"draw": RANGES}), 7) == task
+    assert CampaignTask.model_validate_json(task.model_dump_json()) == task
+    assert task.seed == 8
+    assert task.settings.rig.seed == 8
+    assert task.settings.engine.nodes == task.drawn["engine.nodes"]
+    assert isinstance(task.settings.engine.nodes, int)
+
+
+def test_another_range_or_another_first_seed_moves_no_value() -> None:
+    few = spec(**RANGES)
+    more = spec(**RANGES, **{"faults.grip": {"from": 0.0, "to": 1.0}})
+    later = CampaignSpec.model_validate({"first_seed": 5, "draw": RANGES})
+    for index in range(20):
+        assert draw(more, index).drawn.items() >= draw(few, index).drawn.items()
+    assert draw(later, 0).drawn == draw(few, 4).drawn
+
+
+def test_ranges_are_drawn_independently_and_evenly() -> None:
+    one = spec(**RANGES)
+    drawn = [draw(one, index).drawn for index in range(400)]
+    mass, nodes = (np.array([one[name] for one in drawn]) for name in ("randomisation.piece_mass", "engine.nodes"))
+    assert abs(float(np.corrcoef(mass, np.log(nodes))[0, 1])) < 0.12
+    assert float(np.median(nodes)) == pytest.approx(100, rel=0.3)  # by its logarithm
+    assert mass.min() < 0.02
+    assert mass.max() > 0.38
+    assert 150 < sum(one["rig.profile"] == "fast" for one in drawn) < 250
+    assert stream("a", 1).random() != stream("b", 1).random()
+
+
+def test_whole_numbers_include_both_ends() -> None:
+    one = spec(**{"faults.knocks": {"from": 2, "to": 4}})
+    assert {draw(one, index).faults.knocks for index in range(60)} == {2, 3, 4}
+    assert UniformRange.model_validate({"from": 1, "to": 100, "log": True}).at(0.0, whole=True) == 1
+
+
+def test_what_is_watched_and_who_sits_there_follows_from_the_faults() -> None:
+    quiet = draw(spec(), 0).settings
+    assert (quiet.rig.cameras, quiet.vision.verify, quiet.rig.person) == (False, None, None)
+    knocked = draw(spec(**{"faults.knocks": 3}), 1).settings
+    assert (knocked.rig.cameras, knocked.vision.verify, knocked.rig.person) == (True, True, Colour.BLACK)
+    session = draw(CampaignSpec.model_validate({"kind": "session", "draw": {"engine.nodes": 9}}), 0)
+    assert session.kind is TaskKind.SESSION
+    assert session.settings.rig.cameras
+
+
+def test_only_what_wall_time_has_a_part_in_cannot_repeat() -> None:
+    assert draw(spec(**{"faults.grip": 0.5, "faults.knocks": 2}), 0).repeatable
+    for name, value in (("faults.link_loss", 0.1), ("faults.kills", 1), ("faults.hands", 3), ("engine.threads", 2)):
+        assert not draw(spec(**{name: value}), 0).repeatable
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[draw]\nengine.node = 3\n", "there is nothing called engine.node to draw: did you mean engine.nodes?"),
+        ("[draw]\nengine.nodes = 3\nrig.seed = 3\n", "there is nothing called rig.seed to draw"),
+        ("[draw]\ngame.plies = 3\n", "give engine.nodes, such as 2000"),
+        ("[draw]\nengine.nodes = {from = 5, to = 3}\n", "to = 3 is below from = 5: exchange them"),
+        ("[draw]\nengine.nodes = {from = 0, to = 3, log = true}\n", "from = 0 has no logarithm"),
+        ("[draw]\nengine.nodes = 3\nfaults.grip = {from = 0, to = 1.5}\n", "grip"),
+        ("[draw]\nengine.nodes = 3\nrig.profile = {one_of = ['fast', 'faster']}\n", "faster"),
+        ("[draw]\nengine.nodes = {one_of = []}\n", "at least 1"),
+        ("kind = 'setup'\n[draw]\nfaults.kills = 1\n", 'are for kind = "game"'),
+        ("[draw]\nengine.nodes = 3\nstart.plies = 4\nstart.line = true\n", "start.plies is a beginning"),
+        ("sort = 'game'\n", "there is no setting sort"),
+    ],
+)
+def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_spec(written(tmp_path, text))
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_names_may_be_written_as_tables_or_dotted(tmp_path: Path) -> None:
+    dotted = load_spec(
+        written(tmp_path, "[draw]\nengine.nodes = 3\nrandomisation.devices.cogging = {from=0, to=0.1}\n")
+    )
+    tables = load_spec(
+        written(tmp_path, "[draw.engine]\nnodes = 3\n[draw.randomisation.devices]\ncogging={from=0,to=0.1}")
+    )
+    assert dotted == tables
+    assert dotted.ranges == {"randomisation.devices.cogging": UniformRange.model_validate({"from": 0, "to": 0.1})}
+    acts = load_spec(
+        written(tmp_path, "kind='session'\n[draw]\nengine.nodes=3\nsession.often = {knock = 2, move = 2}\n")
+    )
+    assert sorted(draw(acts, 0).session.shares.values()) == [0.5, 0.5]
+
+
+def test_files_lie_beside_the_campaigns(tmp_path: Path) -> None:
+    found = load_spec(written(tmp_path, "[draw]\nengine.nodes = 3\nengine.book = {one_of = ['a.bin', '/b.bin']}\n"))
+    assert found.draw["engine.book"] == ChoiceRange(one_of=(str(tmp_path / "a.bin"), "/b.bin"))
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_can_be_drawn(example: Path) -> None:
+    found = load_spec(example)
+    assert {draw(found, index).seed for index in range(3)} == set(range(found.first_seed, found.first_seed + 3))

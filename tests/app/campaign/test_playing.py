@@ -1,0 +1,136 @@
+"""Real games of a campaign, as small as they can be; and what a killed worker leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.campaign.ledger import WHOLE, results_in
+from app.campaign.tasks.relay import LossyRelay
+from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
+from app.cli import app as command_line
+from controller.settings import CONTROLLER_FILE
+
+FILE = """
+first_seed = 5
+[draw]
+game.plies = 4
+engine.nodes = { from = 200, to = 500 }
+randomisation.piece_mass = { from = 0.0, to = 0.4 }
+"""
+
+
+def test_two_real_games_and_one_of_them_again_to_the_last_bit(tmp_path: Path) -> None:
+    file, folder = tmp_path / "tiny.toml", tmp_path / "campaign"
+    file.write_text(FILE, encoding="utf-8")
+    done = CliRunner().invoke(
+        command_line, ["campaign", str(file), "--games", "2", "--workers", "2", "--out", str(folder), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    assert (summary["done"], summary["outcomes"], summary["failed"]) == (2, {"right": 2}, [])
+    found = {one.game.seed: one for one in results_in(folder / WHOLE.ledger)}
+    for seed, one in found.items():
+        assert (one.game.plies, one.game.wrong_plies, len(one.plies)) == (4, 0, 4)
+        assert one.game.world_state is not None
+        assert 200.0 <= float(one.game.drawn["engine.nodes"]) <= 500.0
+        assert not (folder / "games" / str(seed)).exists(), "what went right is not kept"
+    again = CliRunner().invoke(command_line, ["campaign", "repeat", str(folder), "6", "--json"])
+    assert again.exit_code == 0, again.output
+    told = json.loads(again.stdout)
+    assert (told["different"], told["now"]["world_state"]) == ([], found[6].game.world_state)
+    assert (folder / "games" / "6-again" / "game" / "events.jsonl").is_file()
+    assert not list(Path(os.environ.get("TMPDIR", "/tmp")).glob(f"{PREFIX}6-*"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["no.toml", "--games", "2"], "campaign 'no.toml' cannot be read"),
+        (["no.toml"], "Missing option '--games'"),
+        (["no.toml", "--games", "2", "--shard", "3/2"], "--shard is '3/2'"),
+        (["no.toml", "--games", "2", "--keep", "some"], "'--keep some' is unknown, choose from: all, failed, none"),
+        (["no.toml", "--games", "2", "--workers", "1", "--scheduler", "tcp://h:1"], "leave one of them out"),
+        (["repeat", "nowhere", "3"], "nowhere holds no campaign"),
+    ],
+)
+def test_mistakes_are_answered_in_a_sentence(arguments: list[str], said: str) -> None:
+    done = CliRunner().invoke(command_line, ["campaign", *arguments])
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_what_a_killed_worker_leaves_is_ended_and_cleared_away() -> None:
+    code = """
+import subprocess, sys, time
+from app.campaign.tasks.scratch import scratch_folder
+with scratch_folder(77) as folder:
+    world = [sys.executable, "-c", "import time; time.sleep(60)", str(folder)]
+    subprocess.Popen(world, start_new_session=True)
+    print(folder, flush=True)
+    time.sleep(60)
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdout is not None
+        folder = Path(worker.stdout.readline().strip())
+        clear_left_behind()
+        assert folder.is_dir(), "its worker lives"
+        worker.kill()
+    assert len(running_in(folder)) == 1
+    clear_left_behind()
+    assert not folder.exists()
+    deadline = time.monotonic() + 10.0
+    while running_in(folder):
+        assert time.monotonic() < deadline
+    with scratch_folder(78) as mine:
+        clear_left_behind()
+        assert mine.is_dir()
+    assert not mine.exists()
+
+
+def test_a_relay_loses_what_its_seed_says_and_follows_another_controller(tmp_path: Path) -> None:
+    def controller() -> socket.socket:
+        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        made.bind(("127.0.0.1", 0))
+        made.settimeout(0.3)
+        content = {"host": "127.0.0.1", "port": made.getsockname()[1]}
+        (tmp_path / CONTROLLER_FILE).write_text(json.dumps(content), encoding="utf-8")
+        return made
+
+    def passed(seed: int, loss: float) -> list[int]:
+        found = []
+        with (
+            controller() as end,
+            LossyRelay(tmp_path, loss, seed) as relay,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
+        ):
+            client.connect(("127.0.0.1", relay.port))
+            client.settimeout(5.0)
+            for number in range(40):
+                client.send(bytes([number]))
+            client.send(b"end") if not loss else None
+            try:
+                while True:
+                    data, sender = end.recvfrom(99)
+                    found.append(data[0])
+                    if not loss and data == b"end":
+                        end.sendto(b"yes", sender)
+                        assert client.recv(99) == b"yes"
+                        break
+            except TimeoutError:
+                pass
+            assert relay.lost == 40 - len(found) + (not loss)
+        return found
+
+    assert passed(3, 0.4) == passed(3, 0.4) != passed(4, 0.4)
+    assert 14 <= len(passed(3, 0.4)) <= 34
+    assert passed(3, 0.0)[:40] == list(range(40))

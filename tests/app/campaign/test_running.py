@@ -1,0 +1,262 @@
+"""Campaigns of stubs: what becomes of them whatever happens to their workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Executor, Future
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from app.campaign.drawing import draw
+from app.campaign.folder import CampaignFolderError, kept_campaign
+from app.campaign.ledger import WHOLE, Shard, results_in
+from app.campaign.running import CampaignSummary, CampaignWish, run_campaign
+from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
+from app.campaign.schema import GameRow, TaskOutcome, TaskResult
+from app.campaign.spec import CampaignSpec
+from app.campaign.task import CampaignTask
+from app.campaign.tasks.rows import crashed
+from app.campaign.troubles import EnvironmentDiffers, MachineTrouble
+from app.campaign.workers.local import LocalWorkers, WorkerDied
+from app.campaign.workers.order import TaskOrder
+from app.campaign.workers.stub import StubPlan, play_stub
+from app.measure.bench.campaign import SPEC, Unwatched
+from app.records import RecordError
+
+GAMES = 12
+QUIET = StubPlan()
+
+
+def run(folder: Path, plan: StubPlan = QUIET, games: int = GAMES, **wish: object) -> CampaignSummary:
+    asked = CampaignWish(games, folder, **{"workers": 2, "play": partial(play_stub, plan), "pause": 0.0, **wish})  # type: ignore[arg-type]
+    return run_campaign(SPEC, asked, Unwatched())
+
+
+def rows(folder: Path, name: str = WHOLE.ledger) -> dict[int, TaskResult]:
+    found = list(results_in(folder / name))
+    assert len({one.game.index for one in found}) == len(found), "none is there twice"
+    return {
+        one.game.index: one.model_copy(update={"game": one.game.model_copy(update={"attempts": 1})}) for one in found
+    }
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[int, TaskResult]:
+    folder = tmp_path_factory.mktemp("campaign") / "quiet"
+    summary = run(folder)
+    assert summary.holds
+    assert (summary.done, summary.outcomes) == (GAMES, {TaskOutcome.RIGHT: GAMES})
+    assert (folder / "games.parquet").exists()
+    return rows(folder)
+
+
+def test_killed_workers_and_a_full_disk_change_no_row(tmp_path: Path, undisturbed: dict[int, TaskResult]) -> None:
+    folder = tmp_path / "campaign"
+    plan = StubPlan(marks=tmp_path, deaths={3: 1, 4: 1, 9: 2}, full=(6,))
+    summary = run(folder, plan)
+    assert rows(folder) == undisturbed
+    assert {one.game.seed: one.game.attempts for one in results_in(folder / WHOLE.ledger) if one.game.attempts > 1} == {
+        3: 2, 4: 2, 6: 2, 9: 3,
+    }  # fmt: skip
+    assert summary.holds
+
+
+def test_who_kills_its_worker_each_time_has_crashed_and_all_others_are_played(
+    tmp_path: Path, undisturbed: dict[int, TaskResult]
+) -> None:
+    summary = run(tmp_path / "campaign", StubPlan(marks=tmp_path, deaths={5: 99}))
+    found = rows(tmp_path / "campaign")
+    (crash,) = summary.failed
+    assert (crash.seed, crash.outcome, crash.attempts) == (5, TaskOutcome.CRASHED, 3)
+    assert crash.log is not None
+    assert crash.log.count("was killed (SIGKILL)") == 3
+    assert {index: one for index, one in found.items() if index != 4} == {
+        index: one for index, one in undisturbed.items() if index != 4
+    }
+    assert not summary.holds
+
+
+class Fewer(Unwatched):
+    """Breaks off after some games."""
+
+    def __init__(self, games: int) -> None:
+        self.left, self.before = games, 0
+
+    def begun(self, wanted: int, before: tuple[GameRow, ...], dashboard: str | None) -> None:
+        self.before = len(before)
+
+    def finished(self, game: GameRow) -> None:
+        self.left -= 1
+        if not self.left:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_campaign_goes_on_by_the_same_call(tmp_path: Path, undisturbed: dict[int, TaskResult]) -> None:
+    folder, wish = tmp_path / "campaign", partial(CampaignWish, workers=1, play=partial(play_stub, QUIET))
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(SPEC, wish(GAMES, folder), Fewer(4))
+    assert 4 <= len(rows(folder)) < GAMES
+    assert (folder / "games.parquet").exists()
+    ledger = folder / WHOLE.ledger
+    ledger.write_bytes(ledger.read_bytes()[:-5])  # and the power went
+    shown = Fewer(99)
+    assert run_campaign(SPEC, wish(GAMES, folder), shown).holds
+    assert shown.before == 3
+    assert rows(folder) == undisturbed
+
+
+def test_shards_come_to_the_same_rows_as_the_whole(tmp_path: Path, undisturbed: dict[int, TaskResult]) -> None:
+    for number in (2, 1):
+        assert run(tmp_path / "campaign", workers=1, shard=Shard((number, 2))).games == GAMES // 2
+    halves = [rows(tmp_path / "campaign", Shard((number, 2)).ledger) for number in (1, 2)]
+    assert halves[0] | halves[1] == undisturbed
+
+
+def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
+    folder, none = tmp_path / "campaign", partial(CampaignWish, workers=1, play=partial(play_stub, QUIET))
+    run(folder, games=1, workers=1)
+    assert run(folder, games=2, workers=1).played == 1
+    assert kept_campaign(folder).games == 2
+    other = CampaignSpec.model_validate({"draw": {"start.line": True, "game.plies": 3}})
+    with pytest.raises(
+        CampaignFolderError, match=r"holds another campaign \(draw.game.plies is 40 there, and 3 here\)"
+    ):
+        run_campaign(other, none(1, folder), Unwatched())
+    text = (folder / "campaign.toml").read_text(encoding="utf-8")
+    (folder / "campaign.toml").write_text(text.replace('python = "3', 'python = "2'), encoding="utf-8")
+    with pytest.raises(CampaignFolderError, match=r"begun in another environment \(python is 3\.\S+ instead of 2"):
+        run(folder, games=1, workers=1)
+    strange = tmp_path / "strange"
+    strange.mkdir()
+    (strange / "thesis.tex").touch()
+    with pytest.raises(CampaignFolderError, match=r"holds thesis.tex, and no campaign"):
+        run(strange, games=1, workers=1)
+
+
+class Scripted(Executor):
+    """Answers at once, as a function of the order and of how often it was asked."""
+
+    def __init__(self, answer: Callable[[int, int], BaseException | None]) -> None:
+        self.answer, self.asked = answer, list[int]()
+
+    def submit(self, fn: Callable[..., str], /, *args: str, **kwargs: str) -> Future[str]:  # type: ignore[override]
+        index, future = TaskOrder.model_validate_json(args[0]).task.index, Future[str]()
+        self.asked.append(index)
+        error = self.answer(index, self.asked.count(index))
+        if error is None:
+            future.set_result(fn(*args))
+        else:
+            future.set_exception(error)
+        return future
+
+
+def scripted(answer: Callable[[int, int], BaseException | None], environment: str = "") -> list[TaskResult]:
+    from app.campaign.environment import environment_here
+
+    here = environment_here(None, ())
+
+    def order(task: CampaignTask) -> str:
+        return TaskOrder(task=task, environment=here, engine=None).model_dump_json()
+
+    scheduling = Scheduling(Scripted(answer), order, partial(play_stub, QUIET), lambda: 4, pause=0.0)
+    tasks = (draw(SPEC, index) for index in range(6))
+    return list(results_of(tasks, scheduling, lambda task, why, log: crashed(task, why, log, here.digest)))
+
+
+def test_a_disk_that_stays_full_ends_the_campaign_with_a_sentence() -> None:
+    assert len(scripted(lambda index, times: MachineTrouble("no space") if index == 2 and times < 3 else None)) == 6
+    with pytest.raises(
+        CampaignStopped, match=r"no game can be played: no space: mend that, and the same command goes on"
+    ):
+        scripted(lambda index, times: MachineTrouble("no space") if index == 2 else None)
+
+
+def test_a_worker_that_is_not_as_the_others_ends_it_and_says_what_differs() -> None:
+    with pytest.raises(CampaignStopped, match=r"not as the others are: packages.numpy is 1 instead of 2"):
+        scripted(lambda index, _: EnvironmentDiffers("packages.numpy is 1 instead of 2") if index == 3 else None)
+
+
+def test_a_scheduler_that_lets_go_of_its_tasks_is_gone() -> None:
+    with pytest.raises(CampaignStopped, match=r"the scheduler is gone"):
+        scripted(lambda index, _: CancelledError() if index == 3 else None)
+
+
+def test_where_one_death_takes_others_along_only_who_dies_alone_has_crashed() -> None:
+    def pool(index: int, times: int) -> BaseException | None:
+        return WorkerDied("gone") if index == 1 or (index in (2, 3) and times < 3) else None
+
+    found = {one.game.index: one.game for one in scripted(pool)}
+    assert {index for index, game in found.items() if game.outcome is TaskOutcome.CRASHED} == {1}
+    assert (found[1].attempts, found[2].attempts, found[0].attempts) == (3, 3, 1)
+
+
+def test_no_room_for_the_ledger_is_said_and_nothing_half_is_left(
+    tmp_path: Path, undisturbed: dict[int, TaskResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, full = os.write, threading.Event()
+
+    def write(descriptor: int, data: bytes) -> int:
+        if b'"index":7' in bytes(data) and not full.is_set():
+            full.set()
+            real(descriptor, bytes(data)[:20])
+            raise OSError(28, "No space left on device")
+        return real(descriptor, data)
+
+    monkeypatch.setattr(os, "write", write)
+    with pytest.raises(RecordError, match="no space left on the device"):
+        run(tmp_path / "campaign")
+    assert run(tmp_path / "campaign").holds
+    assert rows(tmp_path / "campaign") == undisturbed
+
+
+def test_workers_end_when_whoever_started_them_is_killed(tmp_path: Path) -> None:
+    code = (
+        "import sys, time\nfrom app.campaign.workers.local import LocalWorkers\n"
+        "if __name__ == '__main__':\n"
+        " w = LocalWorkers(1); w.submit(abs, 1).result(); w.submit(time.sleep, 60)\n"
+        " print(*w.pids, flush=True); time.sleep(60)\n"
+    )
+    script = tmp_path / "starter.py"
+    script.write_text(code, encoding="utf-8")
+    root = str(Path(__file__).parents[3])
+    with subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": root}
+    ) as starter:
+        assert starter.stdout is not None
+        pid = int(starter.stdout.readline())
+        starter.kill()
+    deadline = time.monotonic() + 20.0
+    while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split(")")[1][:3]:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_worker_breaks_off_when_told_to_and_hears_no_ctrl_c() -> None:
+    workers = LocalWorkers(1)
+    assert workers.submit(abs, -2).result() == 2
+    (pid,) = workers.pids
+    os.kill(pid, signal.SIGINT)
+    assert workers.submit(os.getpid).result() == pid
+    slow = workers.submit(time.sleep, 60)
+    while not slow.running():
+        time.sleep(0.01)
+    workers.stop()
+    assert slow.done()
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_a_worker_makes_room_for_another_one_after_some_tasks() -> None:
+    workers = LocalWorkers(1, most_tasks=2)
+    pids = [workers.submit(os.getpid).result() for _ in range(5)]
+    workers.shutdown()
+    assert pids[0] == pids[1] != pids[2] == pids[3] != pids[4]
+    with pytest.raises(RuntimeError, match="nothing more can be submitted"):
+        workers.submit(os.getpid)
