@@ -71,9 +71,11 @@ def _check(path: Path) -> None:
     try:
         size = path.stat().st_size
         if size == 0 or size % _ENTRY:
-            raise BookBroken(f"{path} is no opening book, its {size} bytes are no whole entries of {_ENTRY}: {remedy}")
+            raise BookBroken(
+                f"{path} is not an opening book, its {size} bytes are not whole entries of {_ENTRY}: {remedy}"
+            )
         hashes = np.memmap(path, dtype=">u8", mode="r")[::2]
     except OSError as error:
         raise BookBroken(f"opening book {path} cannot be read: {error.strerror}: {remedy}") from error
     if np.any(hashes[1:] < hashes[:-1]):
-        raise BookBroken(f"{path} is no opening book, its entries are not sorted: {remedy}")
+        raise BookBroken(f"{path} is not an opening book, its entries are not sorted: {remedy}")

@@ -41,7 +41,7 @@ def varied_opening(engine: Engine, board: chess.Board, plies: int, rng: random.R
     """
     if engine.settings.elo is not None or engine.settings.threads != 1:
         raise EngineRefused(
-            f"an opening wants full strength and one thread, not Elo {engine.settings.elo} "
+            f"an opening needs full strength and one thread, not Elo {engine.settings.elo} "
             f"and {engine.settings.threads} thread(s): take opening_engine(settings)"
         )
     board = board.copy()

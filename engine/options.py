@@ -52,9 +52,9 @@ def _checked(uci: chess.engine.UciProtocol, name: str, value: OptionValue) -> ch
     if option is None:
         raise _unknown(uci, name)
     if (setting := _BY_SETTING.get(name.lower())) is not None:
-        raise EngineRefused(f"option {name} has a setting of its own: set {setting} instead")
+        raise EngineRefused(f"option {name} has its own setting: set {setting} instead")
     if option.is_managed():
-        raise EngineRefused(f"option {name} is set by the game as it needs it: leave it out")
+        raise EngineRefused(f"option {name} is set by the game itself: leave it out")
     match option.type:
         case "spin":
             return _within(uci, name, _integer(uci, name, value))

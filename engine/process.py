@@ -32,7 +32,7 @@ PR_SET_PDEATHSIG = 1
 
 _HINTS = {
     -signal.SIGILL: "the binary was built for another CPU",
-    -signal.SIGKILL: "killed from outside, perhaps for want of memory",
+    -signal.SIGKILL: "killed from outside, perhaps because memory ran out",
 }
 
 

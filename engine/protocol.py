@@ -122,7 +122,7 @@ class Uci(chess.engine.UciProtocol):
     def _feel_pulse(self, now: float) -> None:
         if self._pulses:
             if self._listens and now - self._pulses[0] > PULSE_DEADLINE:
-                raise Hung(f"it has not listened for {PULSE_DEADLINE:g} s in the midst of a search")
+                raise Hung(f"it has not listened for {PULSE_DEADLINE:g} s in the middle of a search")
             return
         self._pulses.append(now)
         self.send_line("isready")

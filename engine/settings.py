@@ -56,7 +56,7 @@ class EngineSettings(BaseModel):
     @model_validator(mode="after")
     def _one_strength(self) -> Self:
         if self.elo is not None and self.skill is not None:
-            raise ValueError("elo and skill both say how strong it plays: leave one of them out")
+            raise ValueError("elo and skill both set the strength: leave one of them out")
         return self
 
     @property

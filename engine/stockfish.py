@@ -50,7 +50,7 @@ def find_engine(path: str | None = None) -> str:
         return found
     if path:
         raise EngineMissing(
-            f"engine {path!r} is no executable file: name another one with --engine PATH, "
+            f"engine {path!r} is not an executable file: name another one with --engine PATH, "
             "or install Stockfish with 'sudo apt-get install stockfish' and leave --engine out"
         )
     raise EngineMissing(

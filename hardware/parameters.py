@@ -246,7 +246,7 @@ def _explain(problem: ValidationError) -> str:
         model: type[BaseModel] = RobotParameters
         for name in error["loc"][:-1]:
             model = _table(model, str(name))
-        return f"{field} is unknown, there are {', '.join(model.model_fields)}"
+        return f"{field} is unknown, choose from {', '.join(model.model_fields)}"
     if error["type"] == "missing":
         return f"{field} is missing, compare {DEFAULT_FILE.name}"
     if error["type"] == "value_error":

@@ -78,7 +78,7 @@ class Place:
             return cls(zone, int(number) - 1)
         if len(text) == 2 and text[0] in "abcdefgh" and text[1] in "12345678":
             return square_place("abcdefgh".index(text[0]) + 8 * (int(text[1]) - 1))
-        raise ValueError(f"'{text}' is no place: e4, L3, R24 and BL7 are")
+        raise ValueError(f"'{text}' is not a place; places are e4, L3, R24 or BL7")
 
 
 def square_place(square: int) -> Place:

@@ -50,7 +50,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
     assert report["physical_ok"] is True
     parked = until(lambda: one if (one := status(rig))["state"] == "BOOT" else None, "parking")
     assert "BRAKED" in parked["drive_status"]
-    assert "nobody was connected" in parked["why"]
+    assert "no client was connected" in parked["why"]
     # the next game begins from where the first one left the pieces, and opens the brakes by itself
     report = game(rig, tmp_path / "two", "d5", "--fen", "rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR b KQkq - 0 1")
     assert report["physical_ok"] is True

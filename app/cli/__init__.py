@@ -32,7 +32,7 @@ def _one_sentence() -> Iterator[None]:
         sentence = error.format_message()
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
             raise
-        fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' says what there is")
+        fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' lists the options")
 
 
 class _Commands(TyperGroup):

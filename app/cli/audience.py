@@ -77,9 +77,9 @@ def show_game(
         except KeyboardInterrupt as stop:
             from app.play.session import Interrupted
 
-            more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
+            more = f"; 'touchmove resume {stop.folder}' continues it" if isinstance(stop, Interrupted) else ""
             audience.end(f"the program was interrupted{more}")
-            fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
+            fail(f"interrupted; the arm is at rest, and nothing that this program started is still running{more}", 130)
         report = result.report
         ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
         audience.end(ended)
@@ -92,7 +92,7 @@ def show_game(
     if result.resumable:
         from app.play.match import match_of
 
-        sentence = f"'touchmove resume {match_of(result.folder)}' goes on with it"
+        sentence = f"'touchmove resume {match_of(result.folder)}' continues it"
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)
 
@@ -139,7 +139,7 @@ def _audience(
             except UserError as error:
                 fail(str(error))
         typed = sys.stdin if talks else None
-        remedy = None if awaited else "with --page the game waits for somebody in a browser"
+        remedy = None if awaited else "with --page the game waits for a browser"
         if page_ahead is not None and not settings.page.on:
             page_ahead.cancel()
             page_ahead = None

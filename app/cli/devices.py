@@ -12,7 +12,7 @@ from app.cli.ending import ask, fail, run_process, say, show_report
 if TYPE_CHECKING:
     from app.commissioning.bring_up.steps import CommissionReport
 
-_Rig = Annotated[str, typer.Option(help="sim, which is started for it, or the TOML file of a lab's rig.")]
+_Rig = Annotated[str, typer.Option(help="sim, which this command starts, or the TOML file of a lab's rig.")]
 
 
 def controller(
@@ -25,7 +25,7 @@ def controller(
     ahead: Annotated[bool, typer.Option("--ahead", hidden=True)] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
 ) -> None:
-    """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
+    """Run a rig's controller until Ctrl-C, show the status of a running one, or send it a command."""
     from app.rig.simulation.processes import run_controller, run_controller_of_rig
 
     if run_dir is not None:
@@ -55,22 +55,20 @@ def _operate(action: str, rig: str, as_json: bool) -> NoReturn:
 
 
 def world(
-    view: Annotated[
-        bool, typer.Option("--view", help="Show the world of a game that runs in MuJoCo's viewer.")
-    ] = False,
-    game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show the world of a running game in MuJoCo's viewer.")] = False,
+    game: Annotated[Path | None, typer.Argument(help="Folder of the game; if left out, the newest one.")] = None,
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
     controlled: Annotated[bool, typer.Option("--controlled", hidden=True)] = False,
     ahead: Annotated[bool, typer.Option("--ahead", hidden=True)] = False,
     drawn: Annotated[bool, typer.Option("--drawn", hidden=True)] = False,
 ) -> None:
-    """Look at a simulated world that runs; games start theirs by themselves."""
+    """Look at a running simulated world; games start their own."""
     from app.rig.simulation.processes import run_simulation, run_world, view_world
 
     if view:
         run_process(lambda: view_world(game, say))
     if run_dir is None:
-        fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
+        fail("games start their own worlds: use 'touchmove world --view' to look at a running one")
     run = run_simulation if controlled else run_world
     run_process(lambda: run(run_dir, ahead=ahead, drawn=drawn))
 
@@ -79,7 +77,7 @@ def check(
     rig: _Rig = "sim",
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
-    """Try each device of a rig alone, and say what is wrong and what to do; the arm stays on its brakes."""
+    """Test each device of a rig by itself, say what is wrong and how to fix it; the arm stays on its brakes."""
     from app.commissioning.check_rig import check_rig
 
     show_report(lambda: check_rig(rig, say), as_json)
@@ -88,11 +86,11 @@ def check(
 def calibrate(
     rig: _Rig = "sim",
     out: Annotated[
-        Path | None, typer.Option(help="File to write; the rig file's, or games/calibration.json, if left out.")
+        Path | None, typer.Option(help="File to write; if left out, the rig file's, or games/calibration.json.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
 ) -> None:
-    """Find where the camera hangs: the arm moves over the board and shows its marker. Keep hands away."""
+    """Find the camera's pose: the arm moves over the board and shows its marker. Keep hands away."""
     from app.commissioning.calibrate import run_calibrate
 
     show_report(lambda: run_calibrate(rig, out, say), as_json)
@@ -102,14 +100,17 @@ def identify(
     rig: _Rig = "sim",
     out: Annotated[
         Path | None,
-        typer.Option(help="Parameters file to write; identified.toml beside the rig file or in games/, if left out."),
+        typer.Option(help="Parameters file to write; if left out, identified.toml beside the rig file or in games/."),
     ] = None,
     pole_pairs: Annotated[
-        int, typer.Option(min=0, max=64, help="Of the servomotors, for their ripple; 0: it is not looked for.")
+        int,
+        typer.Option(
+            min=0, max=64, help="Pole pairs of the servomotors, to identify their ripple; 0: do not identify it."
+        ),
     ] = 5,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> None:
-    """Find what the robot weighs and how it rubs: the arm swings over the board for 24 s. Keep hands away."""
+    """Find the robot's masses and friction: the arm swings over the board for 24 s. Keep hands away."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -131,16 +132,18 @@ def identify(
 
 def commission(
     rig: Annotated[str, typer.Option(help="TOML file of the arm's rig.")],
-    status: Annotated[bool, typer.Option("--status", help="Only say where it stands.")] = False,
-    start: Annotated[str | None, typer.Option("--from", help="Do this step, and all after it, again.")] = None,
-    game: Annotated[bool, typer.Option("--game", help="Play the first game, too; set the pieces up.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Nobody is asked: go on whatever is asked.")] = False,
+    status: Annotated[bool, typer.Option("--status", help="Only show which steps are done.")] = False,
+    start: Annotated[str | None, typer.Option("--from", help="Repeat this step and all after it.")] = None,
+    game: Annotated[bool, typer.Option("--game", help="Also play the first game; set up the pieces for it.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Answer every question with yes.")] = False,
     answers: Annotated[
         Path | None, typer.Option(help="TOML file with answers: measured_tool [mm], pole_pairs.")
     ] = None,
     measured_tool: Annotated[
         str | None,
-        typer.Option(help="Where the tool was measured, x,y,height from the board's centre [mm]; asked if left out."),
+        typer.Option(
+            help="Measured position of the tool, x,y,height from the board's centre [mm]; if left out, you are asked."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the steps and the last findings as JSON.")] = False,
 ) -> None:
@@ -150,14 +153,14 @@ def commission(
     from app.commissioning.bring_up.steps import CommissionStep
 
     if start is not None and start not in list(CommissionStep):
-        fail(f"'--from {start}' is no step, choose from: {', '.join(CommissionStep)}")
+        fail(f"'--from {start}' is not a step, choose from: {', '.join(CommissionStep)}")
 
     def bring_up() -> CommissionReport:
         given = GivenAnswers() if answers is None else load_answers(answers)
         if measured_tool is not None:
             point = parse_triple(measured_tool)
             if point is None:
-                fail(f"'--measured-tool {measured_tool}' is no point: give x,y,height [mm], such as 0,-75,145")
+                fail(f"'--measured-tool {measured_tool}' is not a point: give x,y,height [mm], such as 0,-75,145")
             given = given.model_copy(update={"measured_tool": point})
         person = Commissioner(given, None if yes else ask)
         first = None if start is None else CommissionStep(start)
@@ -171,7 +174,7 @@ def link_test(
     duration: Annotated[float, typer.Option(min=2.0, max=86400.0, help="How long to measure [s].")] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
-    """Say whether this PC and network are good enough for the controller, and what to change."""
+    """Test whether this PC and network are good enough for the controller, and say what to change."""
     from app.commissioning.link_test import link_test as run_link_test
 
     show_report(lambda: run_link_test(rig, duration, say), as_json)

@@ -54,7 +54,7 @@ def ask(question: str) -> str:
     print(f"touchmove: {question}", end="", file=sys.stderr, flush=True)
     line = sys.stdin.readline()
     if not line:
-        fail("nobody answers: say --yes, and give the answers by options")
+        fail("nobody answers at the terminal: use --yes, and give the answers as options")
     return line.rstrip("\n")
 
 
@@ -92,7 +92,7 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        fail("interrupted; nothing is left running", 130)
+        fail("interrupted; nothing is still running", 130)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -77,7 +77,7 @@ def demo(
 
 def play(
     context: typer.Context,
-    color: Annotated[str | None, typer.Option(help="Your pieces: white, the default, or black.")] = None,
+    color: Annotated[str | None, typer.Option(help="Your pieces: white (the default) or black.")] = None,
     elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
@@ -86,7 +86,7 @@ def play(
     fen: options.Fen = None,
     from_board: options.FromBoard = False,
     standing: Annotated[
-        str | None, typer.Option(help="With --from-board in a simulation: the position that stands there.")
+        str | None, typer.Option(help="With --from-board in a simulation: the position on the board.")
     ] = None,
     chess960: options.Chess960 = False,
     clock: options.Clock = None,
@@ -105,7 +105,7 @@ def play(
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Play against the robot: type a move, or just make it where there is a real board. 'help' says what else."""
+    """Play against the robot: type your moves, or simply make them on a real board. Type 'help' for other commands."""
     if color not in (None, "white", "black"):
         fail(f"--color is '{color}', choose white or black")
 
@@ -124,7 +124,7 @@ def play(
 
 def replay(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(help="PGN file, also with several games; or the folder of a game.")],
+    file: Annotated[Path, typer.Argument(help="PGN file with one or more games, or the folder of a game.")],
     game: options.ReplayGame = None,
     from_ply: options.FromPly = 1,
     plies: options.Plies = 1000,
@@ -145,7 +145,7 @@ def replay(
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """The arm plays recorded games again, and says of every ply whether the board came out right."""
+    """The arm plays recorded games again and checks the board after every ply."""
     page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config, {"rig.video": False})
     show_game("replay", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
@@ -154,7 +154,7 @@ def replay(
 def setup(
     context: typer.Context,
     fen: Annotated[str, typer.Option(help="The position to set up; 'start' is the usual one.")] = "start",
-    standing: Annotated[str, typer.Option(help="What stands on the board now; 'start' is the usual one.")] = "start",
+    standing: Annotated[str, typer.Option(help="The position on the board now; 'start' is the usual one.")] = "start",
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     processes: options.Processes = "together",
@@ -171,7 +171,7 @@ def setup(
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """The arm sets a position up, with the pieces on the board and beside it."""
+    """The arm sets up a position, with the pieces on the board and beside it."""
     page_ahead = page_of_command(context)
     import chess
 
@@ -188,13 +188,16 @@ def resume(
     context: typer.Context,
     folder: Annotated[Path, typer.Argument(help="Folder of the match, or of one of its games.")],
     from_board: Annotated[
-        bool, typer.Option("--from-board", help="Whatever its record says: go on from what stands on the board now.")
+        bool,
+        typer.Option(
+            "--from-board", help="Ignore the recorded position and continue from what stands on the board now."
+        ),
     ] = False,
     page: options.Page = None,
     headless: options.Headless = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
+    """Continue a game that was interrupted, or whose program or controller died, from the ply under way."""
     page_ahead = page_of_command(context)
     from app import UserError
     from app.play.launch import resume_from_board, resume_games
@@ -214,9 +217,9 @@ def resume(
 
 
 def show_config(
-    file: Annotated[Path | None, typer.Argument(help="TOML file with settings; the defaults if left out.")] = None,
+    file: Annotated[Path | None, typer.Argument(help="TOML file with settings; if left out, the defaults.")] = None,
 ) -> None:
-    """Print the settings that are in force, as a TOML file that says what each of them means."""
+    """Print the settings in force, as a TOML file with an explanation of each."""
     from app.settings.files import as_toml
 
     print(as_toml(options.settings_or_end({}, file)), end="")

@@ -11,13 +11,15 @@ from app.cli.ending import fail, say, show_report
 
 
 def figures(
-    name: Annotated[str, typer.Argument(help="5, 6, 7 or 9 of the paper, newton, encoder, workspace, touch or move.")],
-    move: Annotated[str, typer.Argument(help="Drawn by figure move, SAN or UCI.")] = "e2e4",
-    fen: Annotated[str | None, typer.Option(help="Figure move: in this position.")] = None,
+    name: Annotated[
+        str, typer.Argument(help="Paper's figure 5, 6, 7 or 9; newton, encoder, workspace, touch or move.")
+    ],
+    move: Annotated[str, typer.Argument(help="For figure move: the move to draw, SAN or UCI.")] = "e2e4",
+    fen: Annotated[str | None, typer.Option(help="For figure move: the position.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures and their numbers.")] = Path("games/figures"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
 ) -> None:
-    """Compute a figure: pictures, and the numbers as JSON beside them."""
+    """Compute a figure: pictures, and their numbers as JSON."""
     import json
 
     from app import UserError
@@ -43,35 +45,38 @@ def bench(
             "vision, clock, drives, pictures, identify, commission or campaign."
         ),
     ],
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions; takes less than a minute.")] = False,
     photos: Annotated[
-        Path | None, typer.Option(help="Labelled photographs for bench vision; else the folder in TOUCHMOVE_PHOTOS.")
+        Path | None,
+        typer.Option(help="For bench vision: labelled photographs; if left out, the folder in TOUCHMOVE_PHOTOS."),
     ] = None,
     watchers: Annotated[
         int,
         typer.Option(
-            min=0, max=32, help="Bench loop: once more with a page, and so many browsers that watch arm and camera."
+            min=0,
+            max=32,
+            help="For bench loop: measure again with a page and this many browsers that watch arm and camera.",
         ),
     ] = 0,
     standard_cycle: Annotated[
-        bool, typer.Option("--standard-cycle", help="Bench motion: industry's pick cycle, 25/305/25 mm and back.")
+        bool, typer.Option("--standard-cycle", help="For bench motion: industry's pick cycle, 25/305/25 mm and back.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
-    """Measure, and say whether each bar is held."""
+    """Measure, and say whether each requirement is met."""
     from app.measure.bench import run_bench
 
     show_report(lambda: run_bench(name, quick, say, photos, watchers, standard_cycle=standard_cycle), as_json)
 
 
 def vision(
-    folder: Annotated[Path, typer.Argument(help="Pictures of a game in the order of their names, or a video.")],
+    folder: Annotated[Path, typer.Argument(help="Pictures of a game in order of their names, or a video.")],
     corners: Annotated[
-        str, typer.Option(help="Where the board is: find, in the pictures; or labels, as labels.json says.")
+        str, typer.Option(help="The board's corners: find: in the pictures; labels: from labels.json.")
     ] = "find",
     as_json: Annotated[bool, typer.Option("--json", help="Print events and score as JSON.")] = False,
 ) -> None:
-    """Follow a game in photographs or a video: say what was played, and ask where that is not clear."""
+    """Follow a game in photographs or a video: say what was played, and ask if it is unclear."""
     from app.measure.photographs import CornersFrom, follow_folder
 
     if corners not in list(CornersFrom):

@@ -15,74 +15,76 @@ if TYPE_CHECKING:
 
 Rig = Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")]
 Pace = Annotated[
-    str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    str | None, typer.Option(help="real, the default: by the wall clock; fast: as fast as the machine can.")
 ]
 Processes = Annotated[
     str,
     typer.Option(
-        help="Pace fast: together, world and controller in one process, the fastest; separate: each in its own. Both "
-        "come to the same."
+        help="In pace fast: together: world and controller in one process, fastest; separate: each in its own process. "
+        "The results are identical."
     ),
 ]
 Drives = Annotated[
     str,
     typer.Option(
-        help="What moves the simulated arm: sim, drives of its own; moteus or ethercat, emulated ones by their real "
-        "driver, in pace real."
+        help="Drives of the simulated arm: sim: the simulation's own; moteus or ethercat: emulated drives behind their "
+        "real driver, in pace real."
     ),
 ]
 Profile = Annotated[
     str | None,
     typer.Option(
-        help="How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast while "
-        "the guard sees nobody near. Left out: separation where a simulation is guarded, else default."
+        help="How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation (fast while "
+        "the guard sees nobody near). If left out: separation in a guarded simulation, otherwise default."
     ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Chooses the opening of two engines and all randomness of the world.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed for the opening of two engines and all randomness of the world.")]
 Square = Annotated[
     float | None,
-    typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
+    typer.Option(help="Side of a square of the simulated board [mm]; larger boards stand nearer to the robot."),
 ]
-Pads = Annotated[str, typer.Option(help="What the fingers end in: grooved or flat.")]
+Pads = Annotated[str, typer.Option(help="Finger pads: grooved or flat.")]
 Captured = Annotated[
     str | None,
-    typer.Option(help="Where captured pieces go: tray, the default, to places of their own; box: dropped."),
+    typer.Option(
+        help="Where captured pieces go: tray, the default: onto places of their own; box: dropped into a box."
+    ),
 ]
 Randomise = Annotated[
-    Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
+    Path | None, typer.Option(help="TOML file that says how the simulation differs from what the game believes.")
 ]
 Ideal = Annotated[
     bool,
     typer.Option(
         "--ideal",
-        help="The simulated robot, table and camera are just as the game believes, instead of mildly off as in a lab.",
+        help="Robot, table and camera of the simulation match exactly what the game believes, without a lab's errors.",
     ),
 ]
 Linger = Annotated[
-    float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
+    float, typer.Option(min=0.0, help="How long the arm waits for another program if this one is killed [s].")
 ]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")]
 Cameras = Annotated[
-    bool, typer.Option(help="The simulation is drawn; without, no OpenGL is needed, and nothing is seen or filmed.")
+    bool, typer.Option(help="Draw the simulation. --no-cameras needs no OpenGL, but then nothing is seen or filmed.")
 ]
 Video = Annotated[bool, typer.Option(help="Film the first part of the game.")]
-VideoLength = Annotated[float, typer.Option(min=1.0, help="Longest film, in plant time [s].")]
+VideoLength = Annotated[float, typer.Option(min=1.0, help="Maximum length of the film, in plant time [s].")]
 
 Fen = Annotated[str | None, typer.Option(help="Start from this position.")]
 FromBoard = Annotated[
     bool,
     typer.Option(
         "--from-board",
-        help="Start from what stands on the board: the camera tells the pieces, you whose move it is.",
+        help="Start from what stands on the board: the camera identifies the pieces, you say whose move it is.",
     ),
 ]
 Chess960 = Annotated[
-    bool, typer.Option("--chess960", help="Castling by the rules of Chess960, from wherever king and rooks start.")
+    bool, typer.Option("--chess960", help="Castle by the rules of Chess960, from wherever king and rooks start.")
 ]
 Moves = Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')]
-Plies = Annotated[int, typer.Option(min=1, help="End each game after so many plies.")]
-Games = Annotated[int, typer.Option(min=1, help="So many games; the arm sets the pieces up in between.")]
-ReplayGame = Annotated[int | None, typer.Option(min=1, help="Only this game of the file.")]
+Plies = Annotated[int, typer.Option(min=1, help="End each game after this many plies.")]
+Games = Annotated[int, typer.Option(min=1, help="Number of games; the arm sets up the pieces in between.")]
+ReplayGame = Annotated[int | None, typer.Option(min=1, help="Play only this game of the file.")]
 FromPly = Annotated[int, typer.Option(min=1, help="Begin with this ply.")]
 
 EnginePath = Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")]
@@ -92,9 +94,12 @@ WhiteElo = Annotated[int | None, typer.Option(help="Strength of White; full stre
 BlackElo = Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")]
 MoveTime = Annotated[
     float | None,
-    typer.Option(min=0.001, help="Thinking time per move [s]; 0.2 where there is no clock, else the longest."),
+    typer.Option(min=0.001, help="Thinking time per move [s], 0.2 without a clock; with a clock, the maximum."),
 ]
-Nodes = Annotated[int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")]
+Nodes = Annotated[
+    int | None,
+    typer.Option(min=1, help="Search this many nodes instead of thinking for a time; a run then repeats exactly."),
+]
 Book = Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")]
 WhiteBook = Annotated[Path | None, typer.Option(help="White's own opening book.")]
 BlackBook = Annotated[Path | None, typer.Option(help="Black's own opening book.")]
@@ -102,29 +107,32 @@ Clock = Annotated[str | None, typer.Option(help="Time control such as 5+3; no cl
 WhiteClock = Annotated[str | None, typer.Option(help="White's own time control.")]
 BlackClock = Annotated[str | None, typer.Option(help="Black's own time control.")]
 Verify = Annotated[
-    bool | None, typer.Option(help="The camera looks after every ply, and what is wrong is mended; in a lab it does.")
+    bool | None,
+    typer.Option(help="Check the board with the camera after every ply and repair errors; on by default in a lab."),
 ]
 Guard = Annotated[
     bool | None,
-    typer.Option(help="The camera watches for hands, and the arm stops while one is over the board; in a lab it does."),
+    typer.Option(
+        help="Watch for hands with the camera and stop the arm while one is over the board; on by default in a lab."
+    ),
 ]
-Speak = Annotated[bool, typer.Option("--speak", help="Moves and requests are spoken aloud, by espeak-ng.")]
+Speak = Annotated[bool, typer.Option("--speak", help="Speak moves and requests aloud, with espeak-ng.")]
 Page = Annotated[
     bool | None,
     typer.Option(
-        help="Shown in a browser as well, at the address that is printed, which is so unless --no-page says no; with "
-        "--page a game against a person waits for a browser where nobody types.",
+        help="Show the game in a browser as well, at the address that is printed; on by default. With an explicit "
+        "--page, a game against a person waits for a browser if there is no terminal.",
     ),
 ]
 PagePort = Annotated[
-    int | None, typer.Option(min=0, max=65535, help="TCP port of the page, 8064 or any free one by default.")
+    int | None, typer.Option(min=0, max=65535, help="TCP port of the page; by default 8064, or any free one.")
 ]
 Out = Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")]
 Config = Annotated[
     Path | None,
-    typer.Option(help="TOML file with settings, as 'touchmove config' prints it; options count for more."),
+    typer.Option(help="TOML file with settings, as 'touchmove config' prints it; options override it."),
 ]
-Headless = Annotated[bool, typer.Option("--headless", help="Show nothing meanwhile.")]
+Headless = Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 
 

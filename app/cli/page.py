@@ -11,23 +11,21 @@ from app.cli.ending import fail, say
 
 
 def page(
-    folder: Annotated[
-        Path | None, typer.Argument(help="Folder of a game's record, or of many; games if left out.")
-    ] = None,
+    folder: Annotated[Path | None, typer.Argument(help="Folder with one or more records; if left out, games.")] = None,
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="TCP port; where another page has it, any free one.")
+        int | None, typer.Option(min=0, max=65535, help="TCP port; if another page uses it, any free one.")
     ] = None,
     host: Annotated[
-        str | None, typer.Option(help="IPv4 address to listen at; any but a loopback one wants a password.")
+        str | None, typer.Option(help="IPv4 address to listen on; any except a loopback address needs a password.")
     ] = None,
     address: Annotated[
-        str | None, typer.Option(help="Where a TLS proxy stands before the page: what the browser shows.")
+        str | None, typer.Option(help="Public https address, if a TLS proxy stands in front of the page.")
     ] = None,
-    password: Annotated[Path | None, typer.Option(help="File that --set-password has made.")] = None,
+    password: Annotated[Path | None, typer.Option(help="Password file, made by --set-password.")] = None,
     set_password: Annotated[
-        Path | None, typer.Option(help="Ask for a password and write it, hashed, to this file; nothing else.")
+        Path | None, typer.Option(help="Only ask for a password and write it, hashed, to this file.")
     ] = None,
-    browser: Annotated[bool, typer.Option(help="Open the browser, where there is a display.")] = True,
+    browser: Annotated[bool, typer.Option(help="Open the browser if there is a display.")] = True,
 ) -> None:
     """Show recorded games in the browser, until Ctrl-C."""
     from app import UserError
@@ -49,15 +47,15 @@ def _set_password(file: Path) -> None:
     try:
         first = getpass.getpass("Password of the page: ")
         made = PasswordHash.of(first)
-        again = getpass.getpass("Once more: ")
+        again = getpass.getpass("Repeat it: ")
     except EOFError:
-        fail("nobody has typed a password, and nothing was written: call this at a terminal")
+        fail("no password was typed, and nothing was written: run this at a terminal")
     except KeyboardInterrupt:
         fail("interrupted; nothing was written", 130)
     if again != first:
-        fail("these were two different passwords, and nothing was written: try again")
+        fail("the two passwords differ, and nothing was written: try again")
     made.save(file)
-    say(f"{file} holds the password, hashed: name it as password under [page] of a game's settings, or with --password")
+    say(f"{file} holds the hashed password: name it as password under [page] in a game's settings, or with --password")
 
 
 def _show(folder: Path | None, wishes: dict[str, object], *, browser: bool) -> None:

@@ -18,10 +18,10 @@ def report(
     as_json: options.AsJson = False,
     as_html: Annotated[
         bool,
-        typer.Option("--html", help="Write it as a page, report.html in the folder; of a match, one for each round."),
+        typer.Option("--html", help="Write it as a page, report.html in the folder; for a match, one per round."),
     ] = False,
 ) -> None:
-    """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
+    """Compute the report of a recorded game again from its events, even if the game broke off."""
     from rich.console import Console
 
     from app import UserError
@@ -49,17 +49,17 @@ def _report_pages(folder: Path) -> tuple[Path, ...]:
 
 
 def film(
-    folder: Annotated[Path, typer.Argument(help="Folder of the game, also of one that goes on or broke off.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of the game, which may still be running or have broken off.")],
     camera: Annotated[
-        str, typer.Option(help="film, camera, or from where at what [m], as 0.5,-0.6,0.4:0,0,0.1.")
+        str, typer.Option(help="film, camera, or viewpoint and target [m], such as 0.5,-0.6,0.4:0,0,0.1.")
     ] = "film",
     size: Annotated[str, typer.Option(help="Width and height [px].")] = "640x480",
-    begin: Annotated[float, typer.Option("--from", min=0.0, help="So long after its first picture [s].")] = 0.0,
-    length: Annotated[float | None, typer.Option(min=0.1, help="No longer than this [s].")] = None,
+    begin: Annotated[float, typer.Option("--from", min=0.0, help="Start this long after the first picture [s].")] = 0.0,
+    length: Annotated[float | None, typer.Option(min=0.1, help="Maximum length [s].")] = None,
     fine: Annotated[bool, typer.Option("--fine", help="Smooth edges and shadows; takes three times as long.")] = False,
-    output: Annotated[Path | None, typer.Option(help="File to write; in the folder, if left out.")] = None,
+    output: Annotated[Path | None, typer.Option(help="File to write; if left out, in the folder.")] = None,
 ) -> None:
-    """Draw a film of a simulated game, from the positions in its record. Ctrl-C leaves it."""
+    """Draw a film of a simulated game from the positions in its record. Ctrl-C cancels it."""
     from pydantic import ValidationError
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -70,7 +70,7 @@ def film(
 
     sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
     if sides is None:
-        fail(f"'--size {size}' is no size, say it as 640x480")
+        fail(f"'--size {size}' is not a size: write it as 640x480")
     try:
         folder = match_of(folder)
         view = standpoint(camera)
@@ -87,7 +87,7 @@ def film(
             task = progress.add_task("film", total=1.0)
             draw_film(wish, lambda done, whole: progress.update(task, completed=done, total=whole))
     except ValidationError as error:
-        fail(f"'--size {size}': {error.errors()[0]['msg']}; both sides are even, from 16 to 4096")
+        fail(f"'--size {size}': {error.errors()[0]['msg']}; both sides must be even, from 16 to 4096")
     except UserError as error:
         fail(str(error))
     print(wish.output)

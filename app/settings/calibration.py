@@ -115,7 +115,7 @@ class Calibration(FrozenFinite):
     def _rigid(self) -> Self:
         rotation = self.pose()[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0.0:
-            raise ValueError("camera_from_base is no rigid transform")
+            raise ValueError("camera_from_base is not a rigid transform")
         return self
 
     def pose(self) -> Array:

@@ -90,7 +90,7 @@ def serve(
             server.close()
             write_statistics(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
     if server.supervisor.brakes.exhausted:
-        return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
+        return _complain(f"the controller ends with the arm on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
     return 0
 
 

@@ -83,7 +83,7 @@ def regressor(constants: FloatArray, angle: FloatArray, rate: FloatArray, change
     columns = np.empty((3 * len(motion), SIZE))
     status = fill_regressor(constants, motion, columns)
     if status != OK:
-        raise ValueError(f"no tool point belongs to the angles of row {-1 - status}: see the encoders' zero")
+        raise ValueError(f"no tool point exists for the angles of row {-1 - status}: check the encoders' zeros")
     return columns.reshape(-1, 3, SIZE)
 
 
@@ -122,7 +122,7 @@ def robot_with(
         min(arm.hinge_inertia - inertia.rotor_inertia, arm.proximal_moment, arm.distal_pair_mass) for arm in arms
     )
     if min(least, platform) <= 0.0:
-        raise ValueError(f"a platform of {platform:.3f} kg and arms {arms} would not all be heavier than nothing")
+        raise ValueError(f"a platform of {platform:.3f} kg and arms {arms} would not all have a positive mass")
     share = platform / inertia.moving_platform_mass
     parts = ("flange_mass", "gripper_body_mass", "finger_mass")
     moving = inertia.model_copy(update={name: share * getattr(inertia, name) for name in parts})

@@ -77,8 +77,8 @@ def _cache_directory() -> Path | None:
 _CACHE = _cache_directory()
 if _CACHE is None:
     print(
-        "touchmove: compiled code cannot be kept, so every start compiles anew (about 10 s): set NUMBA_CACHE_DIR to a "
-        "folder that can be written",
+        "touchmove: compiled code cannot be cached, so every start compiles again (about 10 s): set NUMBA_CACHE_DIR "
+        "to a writable folder",
         file=sys.stderr,
     )
 

@@ -113,8 +113,8 @@ def jacobians_at(model: DeltaModel, point: FloatArray) -> Jacobians:
         return Jacobians(control, inverse)
     if transmission < MIN_TRANSMISSION:
         raise Singular(
-            f"point {_point(z)} leaves an arm stretched: of its elbow's speed it hands on {transmission:.4f} along the "
-            f"distal link, at least {MIN_TRANSMISSION:.4f} is needed",
+            f"point {_point(z)} leaves an arm stretched: its elbow passes on {transmission:.4f} of its speed along "
+            f"the distal link, at least {MIN_TRANSMISSION:.4f} is needed",
             transmission, MIN_TRANSMISSION, nearest_point(model.constants, z),
         )  # fmt: skip
     raise _above_the_elbows(model, z, volume)
@@ -149,7 +149,7 @@ def _out_of_reach(model: DeltaModel, z: Vector, arm: int) -> Unreachable:
     least = math.hypot(w[0], math.hypot(w[1], w[2]) - l1)
     most = math.hypot(w[0], math.hypot(w[1], w[2]) + l1)
     if least > l2:
-        value, limit = least, f"comes no nearer to it than {least:.4f} m"
+        value, limit = least, f"gets no closer to it than {least:.4f} m"
     else:
         value, limit = most, f"gets no farther from it than {most:.4f} m"
     sentence = f"{where} is out of reach of arm {arm + 1}: the elbow {limit} while the distal link is {l2:.4f} m long"
@@ -165,13 +165,13 @@ def _no_pose_below(model: DeltaModel, which: str, status: int, angle: Vector) ->
     area = float(np.linalg.norm(normal))
     if status != UNREACHABLE:
         return Singular(
-            f"{which} leave no pose of the tool: the elbows lie in one line; choose angles nearer to each other",
+            f"{which} allow no pose of the tool: the elbows lie in one line; choose angles closer to each other",
             area, 0.0, None,
         )  # fmt: skip
     centre = elbows[0] + (np.dot(a, a) * np.cross(b, normal) + np.dot(b, b) * np.cross(normal, a)) / (2.0 * area**2)
     radius = float(np.linalg.norm(centre - elbows[0]))
     return Unreachable(
-        f"{which} leave no pose of the tool: no point is nearer than {radius:.4f} m to all three elbows while the "
-        f"distal links are {l2:.4f} m long; choose angles nearer to each other",
+        f"{which} allow no pose of the tool: no point is nearer than {radius:.4f} m to all three elbows while the "
+        f"distal links are {l2:.4f} m long; choose angles closer to each other",
         radius, l2, None,
     )  # fmt: skip

@@ -147,16 +147,18 @@ WHY: dict[str, Why] = {
     ),
     "near_depth": Why("m", "-", "depth z₃ from which the tool counts as near the board"),
     "acceleration": Why(
-        "m/s²", "refuse", "the fastest profile has 18 m/s² an axis, 31 together; 40 an axis exceed the peak torque"
+        "m/s²", "refuse", "the fastest profile has 18 m/s² per axis, 31 in total; 40 per axis exceeds the peak torque"
     ),
-    "start_position": Why("m", "refuse", "a motion must continue the reference: a step would be a blow"),
+    "start_position": Why("m", "refuse", "a motion must continue the reference: a step would be an impact"),
     "start_velocity": Why("m/s", "refuse", "the reference rests whenever a motion is admitted"),
     "start_acceleration": Why("m/s²", "refuse", "as above"),
     "position_step": Why(
-        "m", "refuse", "one tick at the trapezoidal rule errs by 0.1 µm at 1000 m/s³; more is no smooth path"
+        "m",
+        "refuse",
+        "one tick at the trapezoidal rule errs by 0.1 µm at 1000 m/s³; a larger step is not a smooth path",
     ),
     "velocity_step": Why(
-        "m/s", "refuse", "lets the acceleration step by 68 m/s², no more; a jump of the speed is a blow"
+        "m/s", "refuse", "lets the acceleration step by 68 m/s², no more; a jump in speed is an impact"
     ),
     "end_velocity": Why("m/s", "refuse", "the reference rests after a motion: a motion must come to rest by itself"),
     "stiffness": Why("1/s²", "refuse", "ω = 120 rad/s; beyond it the sampled loop loses its margin"),
@@ -166,13 +168,15 @@ WHY: dict[str, Why] = {
     "tracking_acceleration": Why(
         "m/s²",
         "compliant",
-        "k_p times the error along an axis: 13 N at 1.08 kg; 2.4 mm in the air, where 0.5 mm are usual",
+        "k_p times the error along an axis: 13 N at 1.08 kg; 2.4 mm in the air, where 0.5 mm is usual",
     ),
-    "tracking_least": Why("m", "-", "an axis however stiff may be so far from its reference"),
-    "tracking_most": Why("m", "compliant", "and one however soft no farther: a touch-down wants 10 mm"),
+    "tracking_least": Why("m", "-", "an axis, however stiff, may be this far from its reference"),
+    "tracking_most": Why("m", "compliant", "an axis, however soft, may be no farther off: a touch-down needs 10 mm"),
     "outside": Why("m", "compliant", "beyond the workspace box: a controlled stop near its border ends within 25 mm"),
     "tool_speed": Why(
-        "m/s", "compliant", "measured; the fastest reference and what tracking adds: else something flings it"
+        "m/s",
+        "compliant",
+        "measured; the fastest reference plus its tracking error: beyond it something else moves the tool",
     ),
     "joint_middle": Why("rad", "-", "servomotor angles with the tool in the middle of the workspace box"),
     "joint_range": Why(
@@ -181,19 +185,21 @@ WHY: dict[str, Why] = {
     "joint_speed": Why("rad/s", "brakes", "fast moves reach 9.3 rad/s; the drives' own limit is 20"),
     "encoder_jump": Why("rad", "brakes", "between an angle's step and its own velocity; counts are 1.5 µrad"),
     "encoder_way": Why(
-        "rad", "brakes", "asked for without one count of change, while another servomotor moves as asked: 13,000 counts"
+        "rad",
+        "brakes",
+        "commanded without one count of change, while another servomotor moves as commanded: 13,000 counts",
     ),
     "press_force": Why(
-        "N", "compliant", "a person's hand bears far more; no motion of ours presses so hard for so long"
+        "N", "compliant", "a person's hand tolerates far more; no planned motion presses this hard for this long"
     ),
     "grip_force": Why("N", "let go", "the gripper's motor gives 12 N; a piece is held with 5"),
     "force_ticks": Why("ticks", "-", "0.3 s: how long either may last"),
     "tactile": Why("N", "let go", "beyond what the sensors measure; two fingers' motor cannot cause it"),
     "torque": Why("N m", "clamp", "the drives' peak"),
     "torque_rate": Why(
-        "N m/tick", "clamp", "half the peak in one tick: no motion and no contact asks for that, a wild law does"
+        "N m/tick", "clamp", "half the peak in one tick: no motion and no contact needs that, only a faulty law does"
     ),
-    "rms_torque": Why("N m", "stop, then brakes", "what the servomotors are rated for: more overheats them"),
+    "rms_torque": Why("N m", "stop, then brakes", "the rating of the servomotors: more overheats them"),
     "rms_window": Why("s", "-", "time constant of the mean, short against the motors' thermal one"),
 }
 
@@ -272,7 +278,7 @@ def check_limits(limits: Limits) -> None:
         positive = field.name in ("centre", "joint_middle") or bool(np.all(values > 0.0))
         if not (np.all(np.isfinite(values)) and positive):
             raise ValueError(
-                f"limit {field.name} is {getattr(limits, field.name)}, it must be finite and positive: mend it"
+                f"limit {field.name} is {getattr(limits, field.name)}, it must be finite and positive: correct it"
             )
 
 

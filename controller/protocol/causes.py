@@ -85,7 +85,7 @@ _SENTENCES: dict[Cause, str] = {
     Cause.START_VELOCITY: "the motion starts with {value:.3g} m/s, at most {limit:.3g} m/s is accepted: start at rest",
     Cause.START_ACCELERATION: "the motion starts with {value:.3g} m/s², at most {limit:.3g} m/s² is accepted:"
     " start at rest",
-    Cause.NOT_FINITE: "sample {value:.0f} holds a number that is not finite: mend the planner",
+    Cause.NOT_FINITE: "sample {value:.0f} holds a number that is not finite: fix the planner",
     Cause.WORKSPACE: "a sample lies {value:.4f} m from the middle of the workspace box along one axis,"
     " at most {limit:.4f} m is accepted: plan inside the box",
     Cause.REACH: "a sample lies {value:.4f} m from the base's axis, at most {limit:.4f} m is accepted:"
@@ -99,57 +99,59 @@ _SENTENCES: dict[Cause, str] = {
     " at most {limit:.3g} m is accepted: sample one continuous path once per tick",
     Cause.VELOCITY_STEP: "velocities jump by {value:.3g} m/s beyond what their accelerations say,"
     " at most {limit:.3g} m/s is accepted: sample one continuous path once per tick",
-    Cause.STIFFNESS: "a stiffness of {value:.4g} 1/s² was asked, 0 to {limit:.4g} 1/s² are accepted:"
+    Cause.STIFFNESS: "a stiffness of {value:.4g} 1/s² was requested, 0 to {limit:.4g} 1/s² are accepted:"
     " choose softer gains",
-    Cause.DAMPING: "a damping of {value:.4g} 1/s was asked, 0 to {limit:.4g} 1/s are accepted: choose softer gains",
-    Cause.TACTILE_GAIN: "a tactile gain of {value:.3g} 1/kg was asked, 0 to {limit:.3g} 1/kg are accepted: lower it",
-    Cause.FINGER_SPEED: "a finger velocity of {value:.3f} m/s was asked, at most {limit:.3f} m/s is accepted:"
-    " slow the fingers",
+    Cause.DAMPING: "a damping of {value:.4g} 1/s was requested, 0 to {limit:.4g} 1/s are accepted: choose softer gains",
+    Cause.TACTILE_GAIN: "a tactile gain of {value:.3g} 1/kg was requested, 0 to {limit:.3g} 1/kg are accepted: lower "
+    "it",
+    Cause.FINGER_SPEED: "a finger velocity of {value:.3f} m/s was requested, at most {limit:.3f} m/s is accepted:"
+    " slow down the fingers",
     Cause.GUARD: "guard {value:.0f} is not known, 0 to {limit:.0f} are, each with a level of at least 0 N:"
-    " mend the planner",
+    " fix the planner",
     Cause.ENDS_MOVING: "the motion ends with {value:.3g} m/s, at most {limit:.3g} m/s is accepted: end at rest",
-    Cause.HOLD_COMMAND: "a hold was commanded: send resume, then plan anew from the reference in the telemetry",
-    Cause.STOP_COMMAND: "a stop was commanded: plan anew from the reference in the telemetry",
+    Cause.HOLD_COMMAND: "a hold was commanded: send resume, then plan again from the reference in the telemetry",
+    Cause.STOP_COMMAND: "a stop was commanded: plan again from the reference in the telemetry",
     Cause.CLIENT_LOST: "the client was silent for {value:.2f} s, at most {limit:.2f} s is accepted: connect again",
     Cause.UNDERRUN: "sample {value:.0f} was due, but only {limit:.0f} had arrived:"
     " send further ahead or use a better network",
     Cause.SHUTDOWN: "the controller is shutting down: start it again",
-    Cause.UNKNOWN_EVENT: "event {word} is not foreseen in state {limit:.0f}: report this as a defect",
-    Cause.PARKED: "nobody was connected for {value:.1f} s, at most {limit:.1f} s is accepted, so the arm is on its"
+    Cause.UNKNOWN_EVENT: "event {word} is not expected in state {limit:.0f}: report this as a defect",
+    Cause.PARKED: "no client was connected for {value:.1f} s, at most {limit:.1f} s is accepted, so the arm is on its"
     " brakes: send enable",
-    Cause.GRIP_LOST: "a pad felt {value:.2f} N of what the fingers carried, at least {limit:.2f} N was to be felt:"
-    " look where it has gone",
+    Cause.GRIP_LOST: "a pad felt {value:.2f} N from the piece in the fingers, at least {limit:.2f} N was expected: "
+    "look where it has gone",
     Cause.STOP_PRESSED: "somebody pressed STOP: say 'go' when the arm may move again",
     Cause.TRACKING: "the tool was {value:.4f} m from its reference along one axis, at most {limit:.4f} m is accepted:"
-    " see what stands in its way, then send resume",
+    " check what stands in its way, then send resume",
     Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"
     " compare the arm's geometry with the parameters",
     Cause.DRIVE_FAULT: "{word}, then clear the fault",
     Cause.WATCHDOG: "the drives braked because no command came in time ({word}): clear the fault",
     Cause.OVERSPEED: "a servomotor exceeded its speed limit ({word}): clear the fault",
     Cause.NOT_ENABLED: "the drives did not enable within {limit:.0f} ticks ({word}):"
-    " see their power and safety circuit",
-    Cause.BAD_MEASUREMENT: "a measurement is not finite: see the encoders and sensors, then clear the fault",
+    " check their power and safety circuit",
+    Cause.BAD_MEASUREMENT: "a measurement is not finite: check the encoders and sensors, then clear the fault",
     Cause.BAD_TORQUE: "the law gave a torque that is not finite: report this as a defect, then clear the fault",
     Cause.ENCODER: "the encoder of servomotor {value:.0f} contradicts itself or stands still while the others move:"
-    " see its cable, then clear the fault",
+    " check its cable, then clear the fault",
     Cause.JOINT_SPEED: "a servomotor turned at {value:.2f} rad/s, at most {limit:.2f} rad/s is accepted:"
-    " see what drove it, then clear the fault",
-    Cause.JOINT_RANGE: "a servomotor stood at {value:.3f} rad, {limit:.3f} rad from the middle of its range is the"
-    " end: move the arm back by hand with the brakes open, then clear the fault",
+    " check what drove it, then clear the fault",
+    Cause.JOINT_RANGE: "a servomotor stood at {value:.3f} rad, and its range ends {limit:.3f} rad from the middle:"
+    " move the arm back by hand with the brakes open, then clear the fault",
     Cause.TOOL_SPEED: "the tool moved at {value:.3f} m/s, at most {limit:.3f} m/s is accepted:"
-    " see what drove it, then send resume",
+    " check what drove it, then send resume",
     Cause.TOOL_OUTSIDE: "the tool was {value:.4f} m outside the workspace, at most {limit:.4f} m is accepted:"
-    " see what drove it there, then send resume",
+    " check what pushed it there, then send resume",
     Cause.PRESSING: "the arm pressed with {value:.1f} N for too long, at most {limit:.1f} N is accepted:"
-    " see what is in its way, then send resume",
+    " check what is in its way, then send resume",
     Cause.GRIP_FORCE: "the fingers gripped with {value:.1f} N for too long, at most {limit:.1f} N is accepted:"
-    " see what is between them, then send resume",
+    " check what is between them, then send resume",
     Cause.TACTILE_OVERLOAD: "a tactile sensor felt {value:.1f} N, at most {limit:.1f} N is accepted:"
-    " see what is between the fingers, then send resume",
+    " check what is between the fingers, then send resume",
     Cause.RMS_TORQUE: "a servomotor gave {value:.2f} N m on average over the window, {limit:.2f} N m is its rating:"
     " let it cool, then clear the fault and move more slowly",
-    Cause.NOT_AT_REST: "the arm still moved at {value:.3f} rad/s after {limit:.0f} ticks on its brakes: see the brakes",
+    Cause.NOT_AT_REST: "the arm still moved at {value:.3f} rad/s after {limit:.0f} ticks on its brakes: check the "
+    "brakes",
 }
 
 

@@ -197,7 +197,7 @@ HELLO = Layout(
     "HELLO",
     (
         Field("cookie", "Q", "", "cookie of the last CHALLENGE, 0 before there was one"),
-        Field("name", "48s", "", "who asks, UTF-8, filled with zero bytes"),
+        Field("name", "48s", "", "name of the client, UTF-8, filled with zero bytes"),
     ),
 )
 WATCH = Layout("WATCH", (Field("cookie", "Q", "", "cookie of the last CHALLENGE, 0 before there was one"),))
@@ -206,7 +206,7 @@ COMMAND = Layout("COMMAND", (Field("code", "H", "", "command code"),))
 ADMIT_SPEED = Layout(
     "ADMIT_SPEED",
     (
-        Field("speed", "d", "m/s", "of the tool, where it is more than near people"),
+        Field("speed", "d", "m/s", "speed of the tool that is admitted, above the one near people"),
         Field("until", "Q", "tick", "last tick for which it is admitted, 0.25 s from now at most"),
         Field(
             "borders",
@@ -217,10 +217,10 @@ ADMIT_SPEED = Layout(
     ),
 )
 STOP = Layout(
-    "STOP", (Field("cookie", "Q", "", "cookie by which the listener was admitted; of the client any number"),)
+    "STOP", (Field("cookie", "Q", "", "cookie by which the listener was admitted; any number from the client"),)
 )
 RELEASE = Layout(
-    "RELEASE", (Field("presses", "Q", "", "as the telemetry says: a STOP that was carried out since stays in force"),)
+    "RELEASE", (Field("presses", "Q", "", "as in the telemetry: a STOP carried out since then stays in force"),)
 )
 ANNOUNCE = Layout(
     "ANNOUNCE",
@@ -244,15 +244,15 @@ WELCOME = Layout(
     "WELCOME",
     (
         Field("period", "d", "s", "length of one tick"),
-        Field("capacity", "I", "samples", "how far ahead of the executed sample samples may be sent"),
-        Field("lockstep", "B", "", "1 where plant time waits for the controller"),
-        Field("last_motion", "I", "", "highest motion id seen: go on above it"),
+        Field("capacity", "I", "samples", "how far ahead of the executed sample the client may send samples"),
+        Field("lockstep", "B", "", "1 if plant time waits for the controller"),
+        Field("last_motion", "I", "", "highest motion id seen: continue above it"),
     ),
 )
 BUSY = Layout(
     "BUSY",
     (
-        Field("name", "48s", "", "who holds the lease, UTF-8, filled with zero bytes"),
+        Field("name", "48s", "", "name of the lease holder, UTF-8, filled with zero bytes"),
         Field("address", "4s", "", "its IPv4 address"),
         Field("port", "H", "", "its port"),
         Field("silence", "d", "s", "wall time since it was last heard"),
@@ -264,7 +264,7 @@ TELEMETRY = Layout(
         Field("tick", "Q", "tick", "tick of the last measurement"),
         Field("echo", "I", "", "newest ping received before the last exchange"),
         Field("command", "Q", "", "sequence of the client's newest COMMAND, ADMIT_SPEED, STOP or RELEASE carried out"),
-        Field("presses", "Q", "", "how often STOP was carried out since the start, of the client and of listeners"),
+        Field("presses", "Q", "", "how often STOP was carried out since the start, for the client and for listeners"),
         Field("state", "H", "", "state of the controller"),
         Field("flags", "H", "", "flags"),
         Field("cause", "H", "", "why it stopped or faulted last, 0 once a motion is admitted"),
@@ -279,7 +279,7 @@ TELEMETRY = Layout(
         Field("torque", "3d", "N m", "torques of the next exchange, after the limits"),
         Field("finger_position", "d", "m", "a pad's front edge from the tool centre"),
         Field("tactile", "2d", "N", "forces on the right and the left pad"),
-        Field("force", "3d", "N", "force on the tool as torques and motion tell, base frame; 0 on the brakes"),
+        Field("force", "3d", "N", "force on the tool, estimated from torques and motion, base frame; 0 on the brakes"),
         Field("motion", "I", "", "motion admitted and not ended, else 0"),
         Field("received", "I", "samples", "contiguous samples received of it"),
         Field("executed", "I", "samples", "samples of it executed"),
@@ -292,12 +292,12 @@ TELEMETRY = Layout(
         Field("end_tick", "Q", "tick", "tick at which it ended"),
         Field("ended_position", "3d", "m", "measured tool point at that tick"),
         Field("ended_finger", "d", "m", "measured finger position at that tick"),
-        Field("peak_torque", "d", "N m", "largest torque commanded in the present, else the last motion"),
-        Field("peak_tactile", "d", "N", "largest tactile force in the present, else the last motion"),
+        Field("peak_torque", "d", "N m", "largest torque commanded in the current motion, or else the last one"),
+        Field("peak_tactile", "d", "N", "largest tactile force in the current motion, or else the last one"),
         Field("clamped", "Q", "ticks", "ticks in which a torque was clamped since the start"),
         Field("skipped", "Q", "ticks", "ticks that went by without an exchange since the start"),
         Field("period", "d", "s", "mean wall time between two exchanges in the last second of ticks"),
-        Field("lateness", "d", "s", "largest delay of a tick against the rhythm of all in that second"),
+        Field("lateness", "d", "s", "largest delay of a tick against the regular rhythm in that second"),
         Field("work", "d", "s", "longest computation of a tick in that second"),
         Field("bad_size", "I", "datagrams", "dropped: size or magic"),
         Field("bad_version", "I", "datagrams", "dropped: version"),

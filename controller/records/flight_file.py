@@ -39,7 +39,7 @@ FLIGHT: Final = Layout(
         Field("finger_position", "d", "m", "a pad's front edge from the tool centre"),
         Field("finger_velocity", "d", "m/s", "commanded for the next exchange, of each finger, positive opening"),
         Field("tactile", "2d", "N", "forces on the right and the left pad"),
-        Field("force", "3d", "N", "force on the tool as torques and motion tell, base frame"),
+        Field("force", "3d", "N", "force on the tool, estimated from torques and motion, base frame"),
         Field("position", "3d", "m", "tool point z, base frame"),
         Field("velocity", "3d", "m/s", "its velocity"),
         Field("torque_asked", "3d", "N m", "torques that the law gave last, before the limits"),
@@ -175,7 +175,7 @@ def load_flight(path: Path) -> FlightRecord:
     except OSError as error:
         raise FlightFileError(f"{path} cannot be read: {error.strerror}: name a flight-*.npz file") from error
     except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise FlightFileError(f"{path} is no flight ({error}): name a flight-*.npz file") from error
+        raise FlightFileError(f"{path} is not a flight record ({error}): name a flight-*.npz file") from error
     ticks.setflags(write=False)
     return FlightRecord(found, ticks)
 

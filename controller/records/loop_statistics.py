@@ -256,12 +256,16 @@ class LoopClock:
         skipped, limit = self.skipped - self._skipped_then, _SHARE * self._period
         span = f"in the last {self._blocks * self._length * self._period:.1f} s of ticks"
         if self._worst_longest > limit:
-            trouble = f"a tick worked {self._worst_longest * 1e3:.2f} ms {span}, at most {limit * 1e3:.2f} ms is good"
+            trouble = (
+                f"a tick took {self._worst_longest * 1e3:.2f} ms {span}, at most {limit * 1e3:.2f} ms is acceptable"
+            )
         elif skipped:
-            trouble = f"{skipped} ticks went by without an exchange {span}, at most 0 is good"
+            trouble = f"{skipped} ticks went by without an exchange {span}, at most 0 is acceptable"
         else:
-            trouble = f"a tick came {self._worst_latest * 1e3:.2f} ms late {span}, at most {limit * 1e3:.2f} ms is good"
-        return f"{trouble}: end other programs on this PC, or see 'touchmove link-test' for what to change"
+            trouble = (
+                f"a tick came {self._worst_latest * 1e3:.2f} ms late {span}, at most {limit * 1e3:.2f} ms is acceptable"
+            )
+        return f"{trouble}: end other programs on this PC, or run 'touchmove link-test' to see what to change"
 
 
 def write_statistics(directory: Path, clock: LoopClock, realtime: dict[str, Any]) -> None:

@@ -44,8 +44,8 @@ class StopUnanswered(ControllerError):
 
     def __init__(self, where: str, timeout: float) -> None:
         super().__init__(
-            f"nobody at {where} has answered STOP within {timeout:g} s: "
-            "stop the arm by its own switch, then see whether the controller runs"
+            f"{where} has not answered STOP within {timeout:g} s: "
+            "stop the arm by its own switch, then check whether the controller is running"
         )
 
 

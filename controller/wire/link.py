@@ -101,7 +101,7 @@ class Link:
             if self._busy is not None:
                 raise ControllerBusy(self.where, self._busy)
             if self._refused:
-                raise ControllerUnavailable(f"nobody listens at {self.where}: start the controller")
+                raise ControllerUnavailable(f"nothing listens at {self.where}: start the controller")
             if time.monotonic() > deadline:
                 raise ControllerUnavailable(
                     f"no answer from {self.where} within {timeout:g} s: "

@@ -129,7 +129,7 @@ class TelemetryWatch:
 
     def _explain(self, timeout: float) -> str:
         if self._challenged:
-            return f"{self._where} answers but admits no more listeners: end another one that watches it"
+            return f"{self._where} answers but admits no more listeners: end another one first"
         return (
             f"no answer from {self._where} within {timeout:g} s: "
             "is the controller running, with the same key and the same version?"

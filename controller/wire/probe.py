@@ -175,7 +175,7 @@ class Probe:
             self._socket.send(self._envelope.seal(kind, self._session, self._sequence, payload))
         except OSError as error:
             raise ControllerUnavailable(
-                f"nobody listens at {self._where} ({error.strerror}): start the controller"
+                f"nothing listens at {self._where} ({error.strerror}): start the controller"
             ) from error
 
     def _receive(self, until: float) -> Opened | None:
@@ -188,7 +188,7 @@ class Probe:
                 return None
             except OSError as error:
                 raise ControllerUnavailable(
-                    f"nobody listens at {self._where} ({error.strerror}): start the controller"
+                    f"nothing listens at {self._where} ({error.strerror}): start the controller"
                 ) from error
             opened = self._envelope.open(memoryview(self._buffer)[:size])
             if not isinstance(opened, Drop) and opened.session == self._session:

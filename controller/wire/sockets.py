@@ -36,8 +36,8 @@ def listening_socket(host: str, port: int) -> socket.socket:
     except OSError as error:
         end.close()
         raise PortInUse(
-            f"UDP port {port} at {host} cannot be taken: {error.strerror}: "
-            "end the program that has it, or set the port to 0 for a free one"
+            f"UDP port {port} at {host} cannot be used: {error.strerror}: end "
+            "the program that uses it, or set the port to 0 for a free one"
         ) from error
     return end
 

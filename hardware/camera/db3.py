@@ -30,11 +30,11 @@ class Db3Recorder:
 
     def __init__(self, path: Path) -> None:
         if path.suffix != ".db3":
-            raise HardwareError(f"{path} is no name of a librealsense recording: end it in .db3")
+            raise HardwareError(f"{path} is not a name for a librealsense recording: it must end in .db3")
         if path.exists():
-            raise HardwareError(f"{path} exists already: choose another name")
+            raise HardwareError(f"{path} already exists: choose another name")
         if not path.parent.is_dir():
-            raise HardwareError(f"there is no folder {path.parent}: make it first")
+            raise HardwareError(f"there is no folder {path.parent}: create it first")
         self._path = path
         self._device: SoftwareDevice | None = None
         self._recorder: Any = None
@@ -110,7 +110,7 @@ class Db3Recording:
                     sensor.start(partial(_take_in, self._ahead, self._closing))
             self._playback.resume()
         except RuntimeError as error:
-            raise HardwareError(f"{path} is no recording that librealsense can play: {error}") from error
+            raise HardwareError(f"{path} is not a recording that librealsense can play: {error}") from error
         if rs.stream.color not in self._waiting:
             self.close()
             raise HardwareError(f"{path} holds no colour pictures: record colour as well")

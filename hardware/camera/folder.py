@@ -48,7 +48,7 @@ class FolderRecorder:
 
     def __init__(self, folder: Path) -> None:
         if (folder / FRAMES_FILE).exists():
-            raise HardwareError(f"{folder} holds a recording already: choose another folder")
+            raise HardwareError(f"{folder} already holds a recording: choose another folder")
         self._folder = folder
         self._intrinsics: Intrinsics | None = None
         self._count = 0
@@ -98,10 +98,10 @@ class FolderRecording:
             self._frames = iter([_Line.model_validate_json(line) for line in lines])
         except OSError as error:
             raise HardwareError(
-                f"{folder} is no recording: {error.filename} cannot be read ({error.strerror})"
+                f"{folder} is not a recording: {error.filename} cannot be read ({error.strerror})"
             ) from error
         except ValidationError as error:
-            raise HardwareError(f"{folder} is no recording: {error.errors()[0]['msg']}") from error
+            raise HardwareError(f"{folder} is not a recording: {error.errors()[0]['msg']}") from error
         self._intrinsics = Intrinsics(**camera.intrinsics.model_dump())
         self._unit = camera.depth_unit
 
@@ -124,7 +124,7 @@ class FolderRecording:
     def _read(self, name: str, how: int) -> NDArray[np.generic]:
         picture = cv2.imread(str(self._folder / name), how)
         if picture is None:
-            raise HardwareError(f"{self._folder / name} is missing or no picture: record again")
+            raise HardwareError(f"{self._folder / name} is missing or is not a picture: record again")
         size = self._intrinsics.height, self._intrinsics.width
         if picture.shape[:2] != size:
             raise HardwareError(

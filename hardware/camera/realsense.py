@@ -125,8 +125,8 @@ class RealSenseCamera:
 
     def _lost(self) -> HardwareError:
         return NoRealSense(
-            f"RealSense {self._serial} sends no pictures any more: check its cable; once it is plugged in again it is "
-            "used again"
+            f"RealSense {self._serial} sends no pictures any more: check its cable; it is used again once it is "
+            "plugged in"
         )
 
     def _start(self) -> Any:
@@ -142,7 +142,7 @@ class RealSenseCamera:
             raise HardwareError(
                 f"RealSense {self._serial} does not stream colour at {wanted.width}x{wanted.height} with depth at "
                 f"{wanted.depth_width}x{wanted.depth_height} and {wanted.fps} pictures a second ({error}): choose a "
-                "mode that it has, and a USB 3 port"
+                "mode that it supports, and a USB 3 port"
             ) from error
         try:
             apply_options(profile.get_device().query_sensors(), wanted)
@@ -205,7 +205,8 @@ def _set(sensor: Any, option: Any, value: float) -> None:
     span = sensor.get_option_range(option)
     if not span.min <= value <= span.max:
         raise HardwareError(
-            f"{option.name} {value:g} is out of the camera's range {span.min:g} to {span.max:g}: choose a value within"
+            f"{option.name} {value:g} is outside the camera's range {span.min:g} to {span.max:g}: choose a value "
+            "within it"
         )
     sensor.set_option(option, value)
 

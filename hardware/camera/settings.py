@@ -46,7 +46,7 @@ class RealSenseSettings(FrozenFinite):
     @model_validator(mode="after")
     def _gain_with_exposure(self) -> RealSenseSettings:
         if self.gain is not None and self.exposure is None:
-            raise ValueError("a gain wants a fixed exposure: give exposure as well, or leave gain out")
+            raise ValueError("a gain needs a fixed exposure: give exposure as well, or leave gain out")
         return self
 
 

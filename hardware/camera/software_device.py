@@ -57,7 +57,7 @@ class SoftwareDevice:
         self._number += 1
         if self._depth is not None:
             if depth is None:
-                raise ValueError("this device has depth: put a depth picture in with each colour picture")
+                raise ValueError("this device has depth: give a depth picture with each colour picture")
             self._put(*self._depth, depth, stamp, self._unit)
         self._put(*self._colour, colour, stamp, 0.0)
 

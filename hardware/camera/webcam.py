@@ -99,7 +99,7 @@ class WebcamCamera:
     def _lost(self, what: str) -> HardwareError:
         return HardwareError(
             f"webcam {self._settings.device} {what}: check its cable and its number, and close other programs that use "
-            "it; once it is there again it is used again"
+            "it; it is used again once it is back"
         )
 
 

@@ -129,7 +129,7 @@ class DriveSettings(FrozenFinite):
     def _watchdog_above_the_period(self) -> Self:
         if self.watchdog < 5.0 * self.period:
             raise ValueError(
-                f"a watchdog of {self.watchdog:g} s bites within {self.watchdog / self.period:.0f} exchanges of "
+                f"a watchdog of {self.watchdog:g} s trips within {self.watchdog / self.period:.0f} exchanges of "
                 f"{self.period:g} s, and at least 5 must fit: lengthen it"
             )
         return self

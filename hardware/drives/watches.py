@@ -115,7 +115,7 @@ class TorqueWatch:
         if self._apart < self._patience:
             return None
         limited = f"; {limited}" if limited else ""
-        seen = f"asked for {asked:.2f} N m at the motor, it says {given:.2f} N m, for {1e3 * self._apart:.0f} ms"
+        seen = f"{asked:.2f} N m requested at the motor, it reports {given:.2f} N m, for {1e3 * self._apart:.0f} ms"
         return DriveFinding(DriveTrouble.TORQUE_NOT_FOLLOWED, seen + limited)
 
     def _agrees(self, asked: float, given: float) -> bool:

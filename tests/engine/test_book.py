@@ -85,10 +85,11 @@ def test_castling_is_read_as_polyglot_writes_it(path: Path) -> None:
 def test_what_is_no_book_is_refused(tmp_path: Path) -> None:
     cases = {
         "missing": (None, f"opening book {tmp_path}/missing cannot be read: No such file or directory: {REMEDY}"),
-        "empty": (b"", f"{tmp_path}/empty is no opening book, its 0 bytes are no whole entries of 16: {REMEDY}"),
-        "cut": (b"x" * 40, f"{tmp_path}/cut is no opening book, its 40 bytes are no whole entries of 16: {REMEDY}"),
-        "text": (b"zz 45678 9abcdef" + b"aa 45678 9abcdef", f"{tmp_path}/text is no opening book, its entries are not "
-                 f"sorted: {REMEDY}"),
+        "empty": (b"", f"{tmp_path}/empty is not an opening book, its 0 bytes are not whole entries of 16: {REMEDY}"),
+        "cut": (b"x" * 40, f"{tmp_path}/cut is not an opening book, its 40 bytes are not whole entries of 16: "
+                           f"{REMEDY}"),
+        "text": (b"zz 45678 9abcdef" + b"aa 45678 9abcdef", f"{tmp_path}/text is not an opening book, its entries are "
+                 f"not sorted: {REMEDY}"),
     }  # fmt: skip
     for name, (content, sentence) in cases.items():
         if content is not None:

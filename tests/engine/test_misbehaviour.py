@@ -167,7 +167,7 @@ def test_a_named_binary_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(EngineMissing) as caught:
         Engine(settings_for(str(tmp_path))).open()
     assert str(caught.value) == (
-        f"engine '{tmp_path}' is no executable file: name another one with --engine PATH, "
+        f"engine '{tmp_path}' is not an executable file: name another one with --engine PATH, "
         "or install Stockfish with 'sudo apt-get install stockfish' and leave --engine out"
     )
 
@@ -325,7 +325,7 @@ def test_how_an_end_is_told() -> None:
     assert exit_phrase(0, "") == "it died with exit code 0"
     assert exit_phrase(-4, "") == "it died with exit code -4 (the binary was built for another CPU)"
     assert exit_phrase(-9, "oh") == (
-        "it died with exit code -9 (killed from outside, perhaps for want of memory; last words: 'oh')"
+        "it died with exit code -9 (killed from outside, perhaps because memory ran out; last words: 'oh')"
     )
 
 

@@ -80,7 +80,7 @@ def test_a_weakened_or_threaded_engine_is_refused() -> None:
         (EngineSettings(elo=1500), "Elo 1500 and 1 thread"),
         (EngineSettings(threads=2), "2 thread"),
     ):
-        with pytest.raises(EngineRefused, match=rf"^an opening wants full strength .*{told}\(s\): take opening_engine"):
+        with pytest.raises(EngineRefused, match=rf"^an opening needs full strength .*{told}\(s\): take opening_engine"):
             varied_opening(Engine(settings), chess.Board(), PLIES, random.Random(1))
 
 

@@ -59,9 +59,9 @@ def test_every_kind_of_option_reaches_the_engine(fake: Callable[..., Any]) -> No
         ({"Use Book": "perhaps"}, "Use Book of Fake 1.0 is a switch, not 'perhaps': give it true or false"),
         ({"Style": "Wild"}, "Style of Fake 1.0 cannot be 'Wild': choose Solid, Normal, Risky Business"),
         ({"Clear Hash": 3}, "Clear Hash of Fake 1.0 is a button, not 3: give it true to press it at the start"),
-        ({"Threads": 2}, "option Threads has a setting of its own: set threads instead"),
-        ({"uci_elo": 1500}, "option uci_elo has a setting of its own: set elo instead"),
-        ({"MultiPV": 2}, "option MultiPV is set by the game as it needs it: leave it out"),
+        ({"Threads": 2}, "option Threads has its own setting: set threads instead"),
+        ({"uci_elo": 1500}, "option uci_elo has its own setting: set elo instead"),
+        ({"MultiPV": 2}, "option MultiPV is set by the game itself: leave it out"),
     ],
 )
 def test_what_cannot_be_set_is_refused(fake: Callable[..., Any], options: dict[str, object], sentence: str) -> None:
@@ -85,7 +85,7 @@ def test_skill_is_refused_outside_the_engines_limits(fake: Callable[..., Any]) -
 
 
 def test_elo_and_skill_are_not_set_both() -> None:
-    with pytest.raises(ValueError, match="elo and skill both say how strong it plays: leave one of them out"):
+    with pytest.raises(ValueError, match="elo and skill both set the strength: leave one of them out"):
         EngineSettings(elo=1500, skill=3)
 
 

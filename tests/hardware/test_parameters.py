@@ -96,13 +96,13 @@ def test_no_file(tmp_path: Path) -> None:
         (
             "stroke = 0.022",
             "strok = 0.022",
-            ": gripper.strok is unknown, there are stroke, velocity_gain, max_force, max_speed, reflected_mass, "
+            ": gripper.strok is unknown, choose from stroke, velocity_gain, max_force, max_speed, reflected_mass, "
             "coupling_stiffness",
         ),
         (
             "[tactile]",
             "[touch]",
-            ": touch is unknown, there are geometry, inertia, friction, drive, gripper, pads, tactile, marker, arms",
+            ": touch is unknown, choose from geometry, inertia, friction, drive, gripper, pads, tactile, marker, arms",
         ),
         ("coulomb = 0.02", "coulomb = -1.0", ": friction.coulomb is -1.0: it should be greater than or equal to 0"),
         ("coulomb = 0.02", "coulomb = inf", ": friction.coulomb is inf: it should be a finite number"),

@@ -70,7 +70,7 @@ class Anchor:
         if not _enough(self._reference.places[inside], 1):
             raise BoardNotFound(
                 f"only {np.count_nonzero(inside)} crossings of lines are seen at these corners, at least "
-                f"{LEAST_CROSSINGS} are needed: find the board anew"
+                f"{LEAST_CROSSINGS} are needed: find the board again"
             )
 
     @property

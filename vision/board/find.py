@@ -98,9 +98,9 @@ def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:
         if found is None:
             found = _find_at(colour, longest / max(colour.shape[:2]), blur, doubts)
     if found is None:
-        reason = doubts[-1] if doubts else "no squares were found that lie as on a board"
+        reason = doubts[-1] if doubts else "no squares were found that form a board"
         raise BoardNotFound(
-            f"there is no chessboard for certain in this picture: {reason}; show all of it in even light"
+            f"no chessboard was found with certainty in this picture: {reason}; show all of it in even light"
         )
     corners = found.corners
     if near is not None:

@@ -46,7 +46,7 @@ class BoardView:
         pose = np.array(self.camera_from_board, dtype=float)
         if pose.shape != (4, 4) or not _is_rigid(pose):
             raise ValueError(
-                "camera_from_board is no rigid transform: give a (4, 4) matrix of a rotation and a translation"
+                "camera_from_board is not a rigid transform: give a (4, 4) matrix of a rotation and a translation"
             )
         pose.flags.writeable = False
         object.__setattr__(self, "camera_from_board", pose)

@@ -113,7 +113,7 @@ def depth_factor(pose: CameraPose, points: Array, measured: Array) -> tuple[floa
 
 
 _NO_POSE: Final = (
-    "no place of the camera explains where the marker was seen: is it on the tool as the robot's parameters say, and "
+    "no pose of the camera explains where the marker was seen: is it on the tool as the robot's parameters say, and "
     "are the camera's intrinsics its own?"
 )
 
@@ -121,8 +121,8 @@ _NO_POSE: Final = (
 def _check_points(points: Array) -> None:
     if len(points) < LEAST_POINTS:
         raise CalibrationFailed(
-            f"the marker was seen at {len(points)} points, at least {LEAST_POINTS} are needed: see that nothing hides "
-            "it and that it is well lit, or turn the camera towards the board"
+            f"the marker was seen at {len(points)} points, at least {LEAST_POINTS} are needed: check that nothing "
+            "hides it and that it is well lit, or turn the camera towards the board"
         )
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
     if spread[1] < LEAST_SPREAD or spread[2] < LEAST_SPREAD / 3.0:

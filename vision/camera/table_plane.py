@@ -133,5 +133,5 @@ def _meet(pose: CameraPose, pixels: Array, plane: Plane, table: TableSettings) -
     anchor = np.array([*table.centre_in_base[:2], plane.height])
     along = ray @ normal
     if (np.abs(along) < 1e-6).any():
-        raise BoardNotFound("the camera looks along the board's plane: hang it higher")
+        raise BoardNotFound("the camera looks along the board's plane: mount it higher")
     return np.asarray(base[:3, 3] + ray * (((anchor - base[:3, 3]) @ normal) / along)[:, None])

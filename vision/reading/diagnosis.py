@@ -90,7 +90,7 @@ def _taken_back(at: _Difference) -> Diagnosis | None:
         if _shows(at, before):
             moves = "the last move is" if count == 1 else "the last two moves are"
             return at.says(
-                Situation.TAKEN_BACK, f"{moves} taken back: say so if that is meant, or play on from "
+                Situation.TAKEN_BACK, f"{moves} taken back: say so if you meant that, or play on from "
                 f"the position before ({_names(at.squares)} differ)",
             )  # fmt: skip
     return None
@@ -117,7 +117,7 @@ def _halves(board: chess.Board, move: chess.Move) -> Iterator[tuple[States, str]
         king = chess.square(6 if kingside else 2, rank)
         first = states.copy()
         first[move.from_square], first[king] = EMPTY, states[move.from_square]
-        yield first, f"{san} is half made: put the rook from {_name(old)} on {_name(new)}"
+        yield first, f"{san} is only half made: put the rook from {_name(old)} on {_name(new)}"
         return
     if board.is_capture(move):
         taken = _captured(board, move)
@@ -126,11 +126,14 @@ def _halves(board: chess.Board, move: chess.Move) -> Iterator[tuple[States, str]
         yield off, f"the piece on {_name(taken)} is off: finish the capture, or put it back on {_name(taken)}"
         lifted = off.copy()
         lifted[move.from_square] = EMPTY
-        yield lifted, f"{san} is half made: put the piece from {_name(move.from_square)} on {_name(move.to_square)}"
+        yield (
+            lifted,
+            f"{san} is only half made: put the piece from {_name(move.from_square)} on {_name(move.to_square)}",
+        )
         if board.is_en_passant(move):
             left = after.copy()
             left[taken] = states[taken]
-            yield left, f"{san} is half made: take the pawn on {_name(taken)} off the board"
+            yield left, f"{san} is only half made: take the pawn on {_name(taken)} off the board"
 
 
 def _two_moves(at: _Difference) -> Diagnosis | None:
@@ -243,7 +246,7 @@ def _why_not(board: chess.Board, move: chess.Move, piece: chess.Piece) -> str:
     if board.is_check():
         return "the king is in check"
     if board.color_at(move.to_square) == piece.color:
-        return "one of its own stands there"
+        return "a piece of its own side stands there"
     return f"a {chess.piece_name(piece.piece_type)} does not move like that here"
 
 

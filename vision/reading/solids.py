@@ -65,7 +65,7 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
         ValueError: the frame has no depth.
     """
     if frame.depth is None:
-        raise ValueError("this frame has no depth: solids are seen by a camera that has it")
+        raise ValueError("this frame has no depth: solids need a camera that has it")
     window, square, z, over = _points(frame.depth, view)
     stands = over & (z > TALL) & (z < CEILING)
     count = np.bincount(square[stands], minlength=64)

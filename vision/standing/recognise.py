@@ -62,7 +62,7 @@ def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]
         ValueError: a frame has no depth, or is by another camera, or the board is not in the picture.
     """
     if any(frame.depth is None for frame in frames):
-        raise ValueError("pieces are told by how high they are: that takes a camera with depth")
+        raise ValueError("pieces are identified by their height, which needs a camera with depth")
     beside = around_board(view, trays=True)
     seen = Sightings(tuple(rough_sightings(frames[0], view, beside)), frozenset())
     given = _given(_with_halves(seen.all, view), view, held)

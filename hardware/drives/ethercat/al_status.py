@@ -47,4 +47,4 @@ def state_words(state: int) -> str:
 
 def code_words(code: int) -> str:
     """An AL status code for people."""
-    return f"{_CODES.get(code, 'a code of its maker')}, AL status 0x{code:04X}"
+    return f"{_CODES.get(code, 'a code of the manufacturer')}, AL status 0x{code:04X}"

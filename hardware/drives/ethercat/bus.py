@@ -150,9 +150,9 @@ class EtherCatServoBus:
         silent = time.monotonic() - self._unanswered
         if silent > self._watchdog:
             raise BusLost(
-                f"no EtherCAT frame has come back for {silent * 1e3:.0f} ms (limit {self._watchdog * 1e3:.0f} ms), and "
-                f"the drives have braked by themselves: see the cable at {self._settings.interface} and the devices' "
-                "power"
+                f"no EtherCAT frame has come back for {silent * 1e3:.0f} ms (limit {self._watchdog * 1e3:.0f} ms), "
+                f"and the drives have braked by themselves: check the cable at {self._settings.interface} and the "
+                "devices' power"
             )
 
     # what came back
@@ -200,7 +200,9 @@ class EtherCatServoBus:
         inputs = self._network.input(Device.FORCES)
         channel = dead_channel(inputs)
         if channel:
-            self._latch(DriveFault(5, DriveTrouble.UNSPECIFIED, f"channel {channel} says that its value is not valid"))
+            self._latch(
+                DriveFault(5, DriveTrouble.UNSPECIFIED, f"channel {channel} reports that its value is not valid")
+            )
         return forces_of(inputs, self._forces)
 
     def _judge_silence(self, gap: float) -> None:

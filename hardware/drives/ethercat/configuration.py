@@ -64,14 +64,14 @@ def interpolation(period: float) -> tuple[int, int]:
         value = period * 10.0**-power
         if abs(value - round(value)) < 1e-6 and 1 <= round(value) <= 255:
             return round(value), power
-    raise DriveRefused(f"a period of {period:g} s cannot be said to it (0x60C2): take 0.0005, 0.001 or 0.002 s")
+    raise DriveRefused(f"a period of {period:g} s cannot be set (0x60C2): choose 0.0005, 0.001 or 0.002 s")
 
 
 def _require_mode(slave: Any, mode: int) -> None:
     modes = _read(slave, _SUPPORTED, 0)
     if not modes >> (mode - 1) & 1:
         name = "cyclic synchronous torque" if mode == MODE_TORQUE else "cyclic synchronous velocity"
-        raise DriveRefused(f"it does not know {name} (its modes 0x6502 are 0x{modes:04X}): take another drive")
+        raise DriveRefused(f"it does not support {name} (its modes 0x6502 are 0x{modes:04X}): use another drive")
 
 
 def _map(slave: Any, pdo: int, assignment: int, layout: PdoLayout) -> None:
@@ -93,14 +93,14 @@ def _facts(slave: Any, device: Device, settings: EtherCatSettings, drives: Drive
         if not counts or turns != 1:
             name = "encoder_counts" if arm else "gripper_counts"
             raise DriveRefused(
-                f"its encoder has {counts} counts for {turns} turns (0x608F), one turn is wanted: give "
+                f"its encoder has {counts} counts for {turns} turns (0x608F), one turn is needed: give "
                 f"drives.ethercat.{name}"
             )
     rated = drives.joints[ARMS.index(device)].rated_torque if arm else None
     if rated is None:
         rated = _read(slave, _RATED_TORQUE, 0) * 1e-3
         if arm and not rated:
-            raise DriveRefused("it does not say its rated torque (0x6076 is 0): give rated_torque of its joint")
+            raise DriveRefused("it does not report its rated torque (0x6076 is 0): give rated_torque of its joint")
     return Facts(counts, rated, maker.velocity_step or math.tau / counts)
 
 

@@ -16,13 +16,13 @@ _WORDS: Final = {
     0x3130: "a mains phase is missing",
     0x3210: "over-voltage in the intermediate circuit",
     0x3220: "under-voltage in the intermediate circuit",
-    0x4110: "the surroundings are too hot",
+    0x4110: "its surroundings are too hot",
     0x4210: "the device is too hot",
     0x4310: "the drive is too hot",
     0x5112: "its control supply is too low",
     0x5441: "its safe-torque-off input is open",
     0x5530: "its parameter memory is damaged",
-    0x6010: "its own watchdog has bitten",
+    0x6010: "its own watchdog has tripped",
     0x6320: "a parameter is wrong",
     0x7121: "the motor is blocked",
     0x7122: "the commutation is wrong",
@@ -32,14 +32,14 @@ _WORDS: Final = {
     0x7380: "the position sensor failed",
     0x7500: "communication was lost",
     0x8311: "too much torque",
-    0x8400: "the velocity is not followed",
-    0x8500: "the position is not followed",
+    0x8400: "it does not follow the velocity",
+    0x8500: "it does not follow the position",
     0x8611: "the following error is too large",
     0x8700: "it is out of step with SYNC0",
 }
 _GROUPS: Final = {
     0x2: "current", 0x3: "voltage", 0x4: "temperature", 0x5: "its own electronics", 0x6: "its own software",
-    0x7: "an additional module", 0x8: "monitoring", 0x9: "something outside", 0xF: "its maker's own codes",
+    0x7: "an additional module", 0x8: "monitoring", 0x9: "something outside", 0xF: "the manufacturer's own codes",
 }  # fmt: skip
 _TROUBLES: Final = (
     (0x4000, 0xF000, DriveTrouble.TOO_HOT),

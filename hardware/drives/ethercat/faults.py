@@ -54,16 +54,16 @@ def of_stay(device: Device, place: int, state: DriveState, seconds: float) -> Dr
     """A drive that does not do what it is asked for."""
     return DriveFault(
         NUMBERS[device], DriveTrouble.NOT_OPERATIONAL,
-        f"it stays in '{state.value}' for {seconds:.1f} s; device {place + 1} on the cable",
+        f"it has stayed in '{state.value}' for {seconds:.1f} s; device {place + 1} on the cable",
     )  # fmt: skip
 
 
 def of_losses(lost: int, frames: int, grown: Sequence[tuple[Device, int, int]]) -> DriveFault:
     """Frames that do not come back; ``grown``: devices, places and the damaged frames that they have counted."""
-    where = "no device has counted a damaged one"
+    where = "no device has counted a damaged frame"
     number = 0
     if grown:
         device, place, count = max(grown, key=lambda one: one[2])
         number = NUMBERS[device]
-        where = f"device {place + 1} on the cable has counted {count} damaged ones"
+        where = f"device {place + 1} on the cable has counted {count} damaged frames"
     return DriveFault(number, DriveTrouble.FRAMES_LOST, f"{lost} of {frames} frames did not come back; {where}")

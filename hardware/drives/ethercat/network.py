@@ -98,8 +98,8 @@ class Network:
             self._arrival.register(self._socket, select.POLLIN)
         except ConnectionError as error:
             raise HardwareError(
-                f"the network interface {settings.interface} cannot be opened for EtherCAT: is it there, and may this "
-                "program send raw frames ('sudo setcap cap_net_raw,cap_net_admin+ep' the Python binary)?"
+                f"the network interface {settings.interface} cannot be opened for EtherCAT: does it exist, and may "
+                "this program send raw frames ('sudo setcap cap_net_raw,cap_net_admin+ep' the Python binary)?"
             ) from error
         try:
             self._find()
@@ -108,8 +108,8 @@ class Network:
         except self._soem.WkcError as error:
             self._master.close()
             raise HardwareError(
-                f"a device at {settings.interface} has stopped answering while it was set up: see the cables and the "
-                "devices' power, then start again"
+                f"a device at {settings.interface} stopped answering during set-up: check the cables and the devices' "
+                "power, then start again"
             ) from error
         except BaseException:
             self._master.close()
@@ -130,7 +130,7 @@ class Network:
         found = master.config_init()
         if found <= 0:
             raise HardwareError(
-                f"no EtherCAT device answers at {settings.interface}: see the cable and the devices' power, and "
+                f"no EtherCAT device answers at {settings.interface}: check the cable, the devices' power, and "
                 "whether the interface is up"
             )
         names = ", ".join(slave.name for slave in master.slaves)
@@ -138,7 +138,7 @@ class Network:
             chain = ", ".join(settings.chain)
             raise HardwareError(
                 f"{len(master.slaves)} devices answer at {settings.interface} ({names}), drives.ethercat.chain names "
-                f"{len(settings.chain)} ({chain}): correct the chain, or see the cable behind the last one"
+                f"{len(settings.chain)} ({chain}): correct the chain, or check the cable behind the last device"
             )
         for device in (*ARMS, Device.GRIPPER):
             slave, maker = self._slave(device), self._maker(device)
@@ -146,7 +146,7 @@ class Network:
                 preset = settings.gripper_preset if device is Device.GRIPPER else settings.preset
                 raise HardwareError(
                     f"{device} is {slave.name} (vendor 0x{slave.man:04X}, product 0x{slave.id:04X}), and preset "
-                    f"{preset} is not for that: choose another preset, or correct the chain"
+                    f"{preset} does not fit it: choose another preset, or correct the chain"
                 )
 
     def _configure(self, parameters: RobotParameters) -> None:
@@ -163,15 +163,15 @@ class Network:
                 raise HardwareError(f"{device} (device {settings.place(device) + 1} on the cable): {error}") from error
             except (self._soem.SdoError, self._soem.MailboxError, self._soem.PacketError, self._soem.WkcError) as error:
                 raise HardwareError(
-                    f"{device} (device {settings.place(device) + 1} on the cable) broke off its configuration: "
-                    f"{_mailbox_words(error)}: see drives.ethercat.sdo and its manual"
+                    f"{device} (device {settings.place(device) + 1} on the cable) aborted its configuration: "
+                    f"{_mailbox_words(error)}: check drives.ethercat.sdo against its manual"
                 ) from error
         try:
             master.config_map()
         except self._soem.ConfigMapError as error:
             reasons = "; ".join(_mailbox_words(one) for one in error.error_list)
             raise HardwareError(
-                f"process data cannot be mapped: {reasons}: see the preset and drives.ethercat.sdo"
+                f"process data cannot be mapped: {reasons}: check the preset and drives.ethercat.sdo"
             ) from error
         self._check_sizes()
         if settings.distributed_clocks and master.config_dc():
@@ -192,7 +192,7 @@ class Network:
                 if wanted is not None and wanted != found:
                     raise HardwareError(
                         f"{device} ({slave.name}, device {place + 1} on the cable) {what} {found} bytes of process "
-                        f"data, {wanted} are wanted: correct the chain, or choose another preset"
+                        f"data, {wanted} are needed: correct the chain, or choose another preset"
                     )
 
     def _set_watchdogs(self) -> None:
@@ -206,10 +206,10 @@ class Network:
             found = slave.get_watchdog("processdata") * 1e-3
             feeds = slave._fprd(_OUTPUT_CONTROL, 1)[0] & _TRIGGER
             if abs(found - wanted) > _WATCHDOG_OFF or not feeds:
-                seen = f"stands at {found * 1e3:.1f} ms" if feeds else "is not fed by its process data"
+                seen = f"stands at {found * 1e3:.1f} ms" if feeds else "is not reset by its process data"
                 raise HardwareError(
-                    f"the watchdog of {device} ({slave.name}) {seen}, {wanted * 1e3:.1f} ms are wanted: without it "
-                    "nothing brakes when this computer stops: take another watchdog time, or another drive"
+                    f"the watchdog of {device} ({slave.name}) {seen}, {wanted * 1e3:.1f} ms are needed: without it "
+                    "nothing brakes if this computer stops: choose another watchdog time, or another drive"
                 )
 
     def _start(self) -> None:
@@ -238,7 +238,7 @@ class Network:
             words = "; ".join(f"{one.device}: {one.words}" for one in late)
             raise HardwareError(
                 f"not all EtherCAT devices reach {al_status.state_words(state)} within {_STATE_TIME:.0f} s ({words}): "
-                "see their displays and drives.ethercat in the rig file"
+                "check their displays and drives.ethercat in the rig file"
             )
 
     # while it runs

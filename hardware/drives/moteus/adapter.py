@@ -73,7 +73,7 @@ class Adapter:
                     if frame is not None and frame.source == device:
                         return frame.data
         raise HardwareError(
-            f"no controller with id {device} answers at {self.port.path}{wrong}: see its power and the CAN cable, and "
+            f"no controller with id {device} answers at {self.port.path}{wrong}: check its power, the CAN cable, and "
             "its id with 'moteus_tool --info'"
         )
 
@@ -83,7 +83,7 @@ class Adapter:
         for part in frames.parse(data):
             if part.part is SubframeKind.REPLY and part.register == register:
                 return value_of(register, part.resolution, part.value)
-        raise HardwareError(f"controller {device} has no register 0x{register:03x}: bring its firmware up to date")
+        raise HardwareError(f"controller {device} has no register 0x{register:03x}: update its firmware")
 
     def command(self, device: int, text: str, *, lines: int = 1) -> str:
         """Say a line to a controller's console; its answer, the first line alone.
@@ -99,7 +99,7 @@ class Adapter:
             heard = heard.replace(b"\r", b"\n").replace(b"\n\n", b"\n").lstrip(b"\n")
         answer = heard.partition(b"\n")[0].decode("latin-1").strip()
         if not answer or answer.startswith("ERR"):
-            raise HardwareError(f"controller {device} answers '{answer}' to '{text}': bring its firmware up to date")
+            raise HardwareError(f"controller {device} answers '{answer}' to '{text}': update its firmware")
         return answer
 
     def configured(self, device: int, name: str) -> float:
@@ -108,7 +108,7 @@ class Adapter:
         try:
             return float(answer)
         except ValueError:
-            raise HardwareError(f"controller {device} says {name} is '{answer}', which is no number") from None
+            raise HardwareError(f"controller {device} says {name} is '{answer}', which is not a number") from None
 
     def configure(self, device: int, name: str, value: float) -> None:
         """Set a value of the controller's configuration, until its power fails, and read it back.
@@ -119,5 +119,5 @@ class Adapter:
         now = self.configured(device, name)
         if abs(now - value) > 1e-4 * max(1.0, abs(value)):
             raise HardwareError(
-                f"controller {device} has {name} {now:g} after it was set to {value:g}: bring its firmware up to date"
+                f"controller {device} has {name} {now:g} after it was set to {value:g}: update its firmware"
             )

@@ -63,7 +63,7 @@ class MoteusServoBus:
     ) -> None:
         if settings.port is None:
             raise HardwareError(
-                "nobody said where the adapter is: give drives.moteus its port, as /dev/serial/by-id/… names it"
+                "the adapter's port is not given: give drives.moteus its port, such as /dev/serial/by-id/…"
             )
         self.period, self.fault = drives.period, None
         self._settings, self._tell = settings, tell

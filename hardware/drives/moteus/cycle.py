@@ -111,7 +111,7 @@ class Controller:
         """The answer to any of these; raises ``FrameError`` if it is to something else, or holds no numbers."""
         mode, turns, speed, torque, volts, degrees, code, *inputs = self._layout.unpack(data)
         if not math.isfinite(turns + speed + torque):
-            raise FrameError("position, velocity or torque is no number")
+            raise FrameError("position, velocity or torque is not a number")
         shares = tuple(
             value_of(register, Resolution.INT16, raw) for register, raw in zip(self._inputs, inputs, strict=True)
         )

@@ -80,7 +80,7 @@ def parse_frame(line: bytes, verb: bytes = b"rcv") -> CanFrame:
             raise ValueError
         return CanFrame(int(words[0], 16), bytes.fromhex(words[1].decode("ascii")))
     except ValueError:
-        raise AdapterLineError(f"a line that tells of no frame: {shown(line)}") from None
+        raise AdapterLineError(f"a line that describes no frame: {shown(line)}") from None
 
 
 def shown(line: bytes) -> str:

@@ -69,7 +69,7 @@ def padded(data: bytes) -> bytes:
     for length in _LENGTHS:
         if length >= len(data):
             return data.ljust(length, _FILL)
-    raise FrameError(f"a frame holds {LONGEST} bytes, these are {len(data)}")
+    raise FrameError(f"a frame holds at most {LONGEST} bytes, these are {len(data)}")
 
 
 def _varuint(number: int) -> bytes:
@@ -227,8 +227,8 @@ class AnswerLayout:
     def unpack(self, data: bytes) -> tuple[float, ...]:
         """The values as they travel, in the order asked for; raises ``FrameError`` if this answers something else."""
         if len(data) < self.size:
-            raise FrameError(f"an answer of {len(data)} bytes, {self.size} were due")
+            raise FrameError(f"an answer of {len(data)} bytes, {self.size} were expected")
         for at, start in self._known:
             if not data.startswith(start, at):
-                raise FrameError(f"byte {at} of the answer is not what was asked for")
+                raise FrameError(f"byte {at} of the answer is not what was requested")
         return self._struct.unpack_from(data)

@@ -67,7 +67,7 @@ class ControllerWatch:
         self._ran = wanted and (self._ran or operating)
         self._idle = self._idle + elapsed if wanted and not operating else 0.0
         if fell:
-            seen = f"mode {mode} instead of {int(Mode.POSITION)}; if it has lost power, start the controller anew"
+            seen = f"mode {mode} instead of {int(Mode.POSITION)}; if it has lost power, restart the controller"
             return DriveFinding(DriveTrouble.NOT_OPERATIONAL, seen)
         if self._idle <= _SLOW_TO_START:
             return None

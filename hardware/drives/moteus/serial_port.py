@@ -28,8 +28,8 @@ class SerialPort:
             self._file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
             raise HardwareError(
-                f"the serial port {path} cannot be opened ({error.strerror}): see that the adapter is plugged in, and "
-                "that your account is in the group dialout"
+                f"the serial port {path} cannot be opened ({error.strerror}): check that the adapter is plugged in, "
+                "and that your account is in the group dialout"
             ) from error
         try:
             tty.setraw(self._file)
@@ -37,7 +37,7 @@ class SerialPort:
             termios.tcflush(self._file, termios.TCIOFLUSH)
         except (OSError, termios.error) as error:
             os.close(self._file)
-            raise HardwareError(f"{path} is no serial port, or another program has it ({error})") from error
+            raise HardwareError(f"{path} is not a serial port, or another program uses it ({error})") from error
 
     def write(self, data: bytes) -> None:
         """Send; raises ``BusLost`` if the adapter is gone, or takes nothing for a second."""
@@ -46,7 +46,9 @@ class SerialPort:
                 data = data[os.write(self._file, data) :]
             except BlockingIOError:
                 if not select.select((), (self._file,), (), 1.0)[1]:
-                    raise BusLost(f"the adapter at {self.path} takes no more commands: unplug it, plug it in") from None
+                    raise BusLost(
+                        f"the adapter at {self.path} accepts no more commands: unplug it and plug it in again"
+                    ) from None
             except OSError as error:
                 raise self._gone(error) from error
 
@@ -86,4 +88,4 @@ class SerialPort:
 
     def _gone(self, error: Exception | None) -> BusLost:
         why = f" ({error.strerror})" if isinstance(error, OSError) and error.strerror else ""
-        return BusLost(f"the adapter at {self.path} is gone{why}: see its plug, then start the controller again")
+        return BusLost(f"the adapter at {self.path} is gone{why}: check its plug, then start the controller again")

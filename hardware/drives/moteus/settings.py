@@ -53,7 +53,7 @@ class MoteusSettings(FrozenFinite):
     @model_validator(mode="after")
     def _different_ids(self) -> Self:
         if len(set(self.ids)) < len(self.ids):
-            raise ValueError(f"two of the ids {self.ids} are the same: give each controller its own by moteus_tool")
+            raise ValueError(f"two of the ids {self.ids} are the same: give each controller its own with moteus_tool")
         known = [self.brakes, *(self.forces or ())]
         strange = [pin.id for pin in known if pin is not None and pin.id not in self.ids]
         if strange:

@@ -139,7 +139,7 @@ def configure_gripper(adapter: Adapter, device: int, drives: DriveSettings, para
 def _require_position(adapter: Adapter, device: int) -> None:
     if not adapter.register(device, Register.HOME_STATE, Resolution.INT8) > 0:
         raise HardwareError(
-            f"controller {device} does not know where it stands after power-up: give it an absolute encoder at the "
+            f"controller {device} does not know its position after power-up: give it an absolute encoder at the "
             "output, and configure it as source of its position"
         )
 
@@ -153,7 +153,7 @@ def prove_watchdog(adapter: Adapter, device: int, timeout: float, sleep: Callabl
     while (mode := command.read(adapter.ask(device, data)).mode) != Mode.POSITION:
         if time.monotonic() > until or mode in (Mode.FAULT, Mode.TIMEOUT):
             raise HardwareError(
-                f"controller {device} does not begin to work, it stays in mode {mode}: see its fault with moteus_tool"
+                f"controller {device} does not start to work, it stays in mode {mode}: check its fault with moteus_tool"
             )
         sleep(0.002)
     sleep(2.0 * timeout + 0.01)
@@ -161,15 +161,15 @@ def prove_watchdog(adapter: Adapter, device: int, timeout: float, sleep: Callabl
     adapter.ask(device, frames.write(Resolution.INT8, Register.MODE, [Mode.STOPPED]) + _mode_query())
     if mode != Mode.TIMEOUT:
         raise HardwareError(
-            f"the watchdog of controller {device} does not bite: {2e3 * timeout + 10.0:.0f} ms after its last command "
-            f"it is in mode {mode} instead of {int(Mode.TIMEOUT)}: do not drive the arm, bring its firmware up to date"
+            f"the watchdog of controller {device} does not trip: {2e3 * timeout + 10.0:.0f} ms after its last command "
+            f"it is in mode {mode} instead of {int(Mode.TIMEOUT)}: do not drive the arm, update its firmware"
         )
 
 
 def _angle(adapter: Adapter, device: int) -> float:
     turns = adapter.register(device, Register.POSITION, Resolution.FLOAT)
     if not math.isfinite(turns):
-        raise HardwareError(f"controller {device} says no position: see its encoder")
+        raise HardwareError(f"controller {device} reports no position: check its encoder")
     return turns * TURN
 
 

@@ -142,5 +142,5 @@ def load_live_state(path: Path) -> Snapshot | None:
             state = np.frombuffer(slot, dtype="<f8", offset=_HEAD.size).astype(float)
             found[number] = Snapshot(state, tick, at_rest=False)
     if not found:
-        raise HardwareError(f"{path} is no state of a world: delete it, and start a new game")
+        raise HardwareError(f"{path} is not the state of a world: delete it, and start a new game")
     return found[max(found)]

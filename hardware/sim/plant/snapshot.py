@@ -44,5 +44,5 @@ def load_snapshot(path: Path) -> Snapshot | None:
         return None
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise HardwareError(
-            f"{path} is no snapshot of a world ({error}): delete it to set the pieces up anew"
+            f"{path} is not a snapshot of a world ({error}): delete it to set the pieces up again"
         ) from error

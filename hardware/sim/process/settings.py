@@ -85,9 +85,7 @@ class WorldSettings(WorldOptions):
         if len(named) > 1:
             raise ValueError("both moteus and ethercat are given, and the drives are on one bus: leave one of them out")
         if named and self.drives is None:
-            raise ValueError(
-                f"{named[0]} is given without drives: say in [drives] what the bus and the joints are like"
-            )
+            raise ValueError(f"{named[0]} is given without drives: describe the bus and the joints in [drives]")
         return self
 
 

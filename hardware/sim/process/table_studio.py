@@ -87,7 +87,7 @@ class TableStudio:
         studio.
         """
         if hand is not None and self._hand is None:
-            raise ValueError("this studio has no hand: say whose when it is opened")
+            raise ValueError("this studio has no hand: name its side when you open it")
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
         colour, depth = self._still.draw(self._positions(poses, hand), looks, sensor)

@@ -89,7 +89,7 @@ def test_games_play_on_the_board_where_it_was_found() -> None:
     [
         ({"version": 2}, "version: Input should be 1: run 'touchmove calibrate' again"),
         ({"points": "many"}, "points: "),
-        ({"camera_from_base": as_rows(2.0 * np.eye(4))}, "camera_from_base is no rigid transform"),
+        ({"camera_from_base": as_rows(2.0 * np.eye(4))}, "camera_from_base is not a rigid transform"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:

@@ -36,5 +36,5 @@ def test_a_world_that_is_older_than_the_record_is_not_gone_on_with(tmp_path: Pat
         with pytest.raises(RigFailed, match=r"as it stood at 1\.00 s, but the record goes on until 1\.50 s, so that"):
             require_present(tmp_path, 1.5, 0.001)
     (tmp_path / LIVE_FILE).write_bytes(b"nonsense")
-    with pytest.raises(RigFailed, match="is no state of a world: delete it"):
+    with pytest.raises(RigFailed, match="is not the state of a world: delete it"):
         require_present(tmp_path, 1.0, 0.001)

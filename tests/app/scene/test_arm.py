@@ -75,7 +75,7 @@ def test_rods_are_as_long_as_the_robots(x: float, y: float, z: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("angle", "why"), [((math.nan, 0.0, 0.0), "are not finite"), (UNREACHED, "leave no pose of the tool")]
+    ("angle", "why"), [((math.nan, 0.0, 0.0), "are not finite"), (UNREACHED, "allow no pose of the tool")]
 )
 def test_angles_without_a_pose_are_refused(angle: Triple, why: str) -> None:
     with pytest.raises(PoseError, match=why):

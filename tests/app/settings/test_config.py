@@ -98,7 +98,7 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
             r"camera\.play: .*'clock' or 'frames', not 'fast'",
         ),
         (LAB + '[camera]\nkind = "realsense"\nfps = 0\n', r"camera\.fps: .*greater than 0, not 0"),
-        (LAB + '[camera]\nkind = "realsense"\ngain = 1.0\n', r"camera: a gain wants a fixed exposure"),
+        (LAB + '[camera]\nkind = "realsense"\ngain = 1.0\n', r"camera: a gain needs a fixed exposure"),
         (LAB + '[camera]\nkind = "webcam"\n', r"camera: a webcam's pinhole must be known: give either focal"),
         (LAB + '[camera]\nkind = "webcam"\ndevice = -1\n', r"camera\.device: .*greater than or equal to 0, not -1"),
     ],

@@ -220,7 +220,7 @@ def test_a_stop_in_the_middle(launch: Launch, line: Line) -> None:
         stopper = running.bus.on_tick = _At(
             1500, lambda: client._connected.send(DatagramKind.COMMAND, COMMAND.struct.pack(4))
         )
-        with pytest.raises(MotionStopped, match="a stop was commanded: plan anew from the reference in the telemetry"):
+        with pytest.raises(MotionStopped, match="a stop was commanded: plan again from the reference in the telemetry"):
             client.execute(line(HOME, AWAY, 900))
         assert stopper.done
         telemetry = client.wait_standing()
@@ -358,7 +358,7 @@ def test_a_connection_that_is_not_there(launch: Launch, tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(ControllerUnavailable, match=rf"no answer from 127.0.0.1:{port} within 0.1 s: is the contr"):
             ControllerClient("127.0.0.1", port, bytes(32)).connect(timeout=0.1)
-    with pytest.raises(ControllerUnavailable, match=rf"nobody listens at 127.0.0.1:{port}: start the controller"):
+    with pytest.raises(ControllerUnavailable, match=rf"nothing listens at 127.0.0.1:{port}: start the controller"):
         ControllerClient("127.0.0.1", port, bytes(32)).connect()
     with pytest.raises(ControllerLost, match=r"there is no connection to 127.0.0.1:9: call connect first"):
         ControllerClient("127.0.0.1", 9, bytes(32)).wait_standing()
@@ -592,8 +592,8 @@ def test_what_keeps_it_from_starting_is_said_in_one_sentence(
         port = taken.getsockname()[1]
         assert serve(fake_bus(), load_parameters(), ControllerSettings(port=port), tmp_path) == 2
     assert capfd.readouterr().err == (
-        f"the controller cannot start: UDP port {port} at 127.0.0.1 cannot be taken: Address already in use: "
-        "end the program that has it, or set the port to 0 for a free one\n"
+        f"the controller cannot start: UDP port {port} at 127.0.0.1 cannot be used: Address already in use: "
+        "end the program that uses it, or set the port to 0 for a free one\n"
     )
 
 
@@ -607,7 +607,10 @@ def test_brakes_that_do_not_hold_end_with_status_1(
         monkeypatch.setattr(bus, "_measure", lambda *a: measure(*a)._replace(velocity=(0.5, 0.0, 0.0)))
         client.shutdown()
     assert running.join() == 1
-    assert "the controller ends on its brakes: the arm still moved at 0.500 rad/s after 50" in capfd.readouterr().err
+    assert (
+        "the controller ends with the arm on its brakes: the arm still moved at 0.500 rad/s after 50"
+        in capfd.readouterr().err
+    )
 
 
 def test_a_boot_that_fails_can_be_read_by_a_client(launch: Launch, fake_bus: FakeBusFactory) -> None:

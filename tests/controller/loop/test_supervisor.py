@@ -476,7 +476,7 @@ def test_a_hold_during_a_stop_changes_nothing_of_it(rig: Rig, line: Line) -> Non
 def test_an_event_that_is_not_foreseen_stops(rig: Rig) -> None:
     rig.boot().supervisor.machine.enter(Event.AT_REST)
     assert rig.state is State.STOPPING
-    assert "event AT_REST is not foreseen in state 1" in rig.sentence
+    assert "event AT_REST is not expected in state 1" in rig.sentence
     rig.run(3)
     assert rig.state is State.HOLD
 
@@ -805,7 +805,7 @@ def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
     rig.run(2400)
     assert rig.supervisor.brakes.finished
     assert rig.supervisor.brakes.exhausted
-    assert "still moved at 0.300 rad/s after 2300 ticks on its brakes: see the brakes" in rig.sentence
+    assert "still moved at 0.300 rad/s after 2300 ticks on its brakes: check the brakes" in rig.sentence
 
 
 # --------------------------------------------------------------------------------------------- parking and taking over
@@ -820,7 +820,7 @@ def test_a_parked_arm_waits_on_its_brakes_until_it_is_enabled(rig: Rig) -> None:
     assert not rig.bus.last.enable
     assert not rig.supervisor.brakes.finished
     assert not rig.supervisor.busy, "plant time may stand"
-    assert "nobody was connected for 31.0 s" in rig.sentence
+    assert "no client was connected for 31.0 s" in rig.sentence
     rig.supervisor.obey(CommandCode.ENABLE)
     rig.run(10)
     assert rig.state is State.HOLD

@@ -99,5 +99,5 @@ def test_a_robot_is_made_again_from_its_base_parameters() -> None:
 def test_numbers_of_no_robot_are_refused() -> None:
     base = base_of(load_parameters())
     base[6] = -0.01
-    with pytest.raises(ValueError, match="heavier than nothing"):
+    with pytest.raises(ValueError, match="positive mass"):
         robot_with(load_parameters(), base, NO_FRICTION, NO_FRICTION)

@@ -341,7 +341,7 @@ def test_compiled_inverse_names_the_arm() -> None:
     [
         (
             (0.0, 0.0, 0.9),
-            "point (0.0000, 0.0000, 0.9000) m is out of reach of arm 1: the elbow comes no nearer to it than 0.6321 m "
+            "point (0.0000, 0.0000, 0.9000) m is out of reach of arm 1: the elbow gets no closer to it than 0.6321 m "
             "while the distal link is 0.4000 m long; the nearest point to work at is (0.0000, 0.0000, 0.6649) m",
         ),
         (
@@ -402,8 +402,8 @@ def test_singular_poses_are_named_with_value_limit_and_nearest_point() -> None:
     stretched = np.array([0.0, 0.0, 0.075 + np.sqrt(0.6**2 - 0.1088**2) - 1e-6])
     with pytest.raises(
         Singular,
-        match=r"^point \(0\.0000, 0\.0000, 0\.6651\) m leaves an arm stretched: of its elbow's speed it hands on "
-        r"0\.00\d\d along the distal link, at least 0\.0100 is needed; the nearest point to work at is "
+        match=r"^point \(0\.0000, 0\.0000, 0\.6651\) m leaves an arm stretched: its elbow passes on "
+        r"0\.00\d\d of its speed along the distal link, at least 0\.0100 is needed; the nearest point to work at is "
         r"\(0\.0000, 0\.0000, 0\.6649\) m$",
     ) as caught:
         jacobians_at(MODEL, stretched)
@@ -430,9 +430,9 @@ def test_transmission_in_the_room_is_that_of_the_jacobian() -> None:
 
 def test_impossible_angles_are_named() -> None:
     message = (
-        "servomotor angles (-2.5000, -1.0000, 0.0000) rad leave no pose of the tool: no point is nearer "
-        "than 0.4054 m to all three elbows while the distal links are 0.4000 m long; choose angles nearer to each "
-        "other"
+        "servomotor angles (-2.5000, -1.0000, 0.0000) rad allow no pose of the tool: no point is nearer "
+        "than 0.4054 m to all three elbows while the distal links are 0.4000 m long; choose angles closer to each other"
+        ""
     )
     with pytest.raises(Unreachable, match=f"^{re.escape(message)}$") as caught:
         tool_point_at(MODEL, np.array([-2.5, -1.0, 0.0]))

@@ -54,7 +54,7 @@ def test_every_limit_has_a_reason_and_is_sound(limits: Limits) -> None:
 
 @pytest.mark.parametrize(("name", "value"), [("speed", -1.0), ("torque", math.nan), ("half_size", (0.3, 0.0, 0.1))])
 def test_limits_that_cannot_be_meant_are_refused(limits: Limits, name: str, value: Any) -> None:
-    with pytest.raises(ValueError, match=f"limit {name} is .*, it must be finite and positive: mend it"):
+    with pytest.raises(ValueError, match=f"limit {name} is .*, it must be finite and positive: correct it"):
         check_limits(replace(limits, **{name: value}))
 
 
@@ -101,11 +101,16 @@ FAULTS: list[tuple[str, Any, Cause, str]] = [
     ("position", (0.0, 0.0, 0.41), Cause.POSITION_STEP, "positions jump by 0.01 m .* at most 2e-05 m is accepted"),
     ("velocity", (0.2, 0.0, 0.0), Cause.POSITION_STEP, "positions jump by 8.8e-05 m .* one continuous path"),
     ("velocity", (0.04, 0.0, 0.0), Cause.VELOCITY_STEP, "velocities jump by 0.04 m/s .* at most 0.03 m/s is accepted"),
-    ("stiffness", (4900.0, 15000.0, 4900.0), Cause.STIFFNESS, r"stiffness of 1.5e\+04 1/s² was asked, 0 to 1.44e\+04"),
+    (
+        "stiffness",
+        (4900.0, 15000.0, 4900.0),
+        Cause.STIFFNESS,
+        r"stiffness of 1.5e\+04 1/s² was requested, 0 to 1.44e\+04",
+    ),
     ("stiffness", (4900.0, -1.0, 4900.0), Cause.STIFFNESS, "stiffness of -1 1/s² was asked"),
-    ("damping", (-0.1, 140.0, 140.0), Cause.DAMPING, "damping of -0.1 1/s was asked, 0 to 240 1/s are accepted"),
-    ("tactile_gain", 11.0, Cause.TACTILE_GAIN, "tactile gain of 11 1/kg was asked, 0 to 10 1/kg are accepted"),
-    ("finger_velocity", -0.13, Cause.FINGER_SPEED, "finger velocity of -0.130 m/s was asked, at most 0.120 m/s"),
+    ("damping", (-0.1, 140.0, 140.0), Cause.DAMPING, "damping of -0.1 1/s was requested, 0 to 240 1/s are accepted"),
+    ("tactile_gain", 11.0, Cause.TACTILE_GAIN, "tactile gain of 11 1/kg was requested, 0 to 10 1/kg are accepted"),
+    ("finger_velocity", -0.13, Cause.FINGER_SPEED, "finger velocity of -0.130 m/s was requested, at most 0.120 m/s"),
     ("guard", 4, Cause.GUARD, "guard 4 is not known, 0 to 3 are"),
 ]
 

@@ -278,7 +278,7 @@ def test_without_a_socket_of_its_own_the_client_is_served_by_the_open_one(
 
 @pytest.mark.parametrize("options", [(), (socket.SO_REUSEADDR,), (socket.SO_REUSEPORT,)])
 def test_nobody_joins_the_port_of_a_client_and_its_controller(house: House, options: tuple[int, ...]) -> None:
-    with pytest.raises(PortInUse, match=r"UDP port \d+ at 127.0.0.1 cannot be taken: Address already in use: end the"):
+    with pytest.raises(PortInUse, match=r"UDP port \d+ at 127.0.0.1 cannot be used: Address already in use: end the"):
         listening_socket(*house.door.address)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
         for option in options:

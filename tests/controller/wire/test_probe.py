@@ -72,7 +72,7 @@ def test_no_controller(launch: Launch, lossy_link: Callable[..., Any]) -> None:
             probe.greet(timeout=0.1)
     with (
         Probe("127.0.0.1", port, bytes(32)) as probe,
-        pytest.raises(ControllerUnavailable, match=rf"^nobody listens at 127.0.0.1:{port} \(Connection refused\): st"),
+        pytest.raises(ControllerUnavailable, match=rf"^nothing listens at 127.0.0.1:{port} \(Connection refused\): st"),
     ):
         probe.greet(timeout=1.0)
     with pytest.raises(ControllerUnavailable, match=r"^256.0.0.1:9 cannot be used: .*: give the controller's address"):

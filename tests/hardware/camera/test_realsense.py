@@ -159,7 +159,7 @@ def test_options_reach_the_sensors_that_have_them() -> None:
     assert colour.set == {option.enable_auto_exposure: 0.0, option.exposure: pytest.approx(1.5)}
     apply_options([colour], RealSenseSettings())
     assert colour.set[option.enable_auto_exposure] == 1.0
-    with pytest.raises(HardwareError, match="exposure 20000 is out of the camera's range 1 to 10000"):
+    with pytest.raises(HardwareError, match="exposure 20000 is outside the camera's range 1 to 10000"):
         apply_options([Sensor(option.exposure)], RealSenseSettings(exposure=2.0))
     with pytest.raises(HardwareError, match="has no setting gain: leave it out"):
         apply_options([Sensor(option.exposure)], RealSenseSettings(exposure=0.01, gain=16.0))

@@ -83,9 +83,9 @@ def test_what_is_too_far_for_sixteen_bits_has_no_depth(tmp_path: Path) -> None:
 def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
     for name in ("frames", "frames.db3"):
         record(tmp_path / name).close()
-        with pytest.raises(HardwareError, match=r"holds a recording already|exists already"):
+        with pytest.raises(HardwareError, match=r"already holds a recording|exists already"):
             open_recorder(tmp_path / name)
-    with pytest.raises(HardwareError, match=r"there is no folder .*: make it first"):
+    with pytest.raises(HardwareError, match=r"there is no folder .*: create it first"):
         Db3Recorder(tmp_path / "none" / "a.db3")
     with pytest.raises(HardwareError, match=r"end it in \.db3"):
         Db3Recorder(tmp_path / "a.mkv")
@@ -101,22 +101,22 @@ def test_frames_of_another_camera_are_refused(tmp_path: Path, name: str) -> None
 
 
 def test_what_is_no_recording_is_named(tmp_path: Path) -> None:
-    with pytest.raises(HardwareError, match=r"is no recording: .*camera\.json cannot be read"):
+    with pytest.raises(HardwareError, match=r"is not a recording: .*camera\.json cannot be read"):
         FolderRecording(tmp_path)
     with pytest.raises(HardwareError, match=r"there is no recording .*a\.db3: check the name"):
         Db3Recording(tmp_path / "a.db3")
     (tmp_path / "b.db3").write_bytes(b"nonsense" * 100)
-    with pytest.raises(HardwareError, match=r"b\.db3 is no recording that librealsense can play"):
+    with pytest.raises(HardwareError, match=r"b\.db3 is not a recording that librealsense can play"):
         Db3Recording(tmp_path / "b.db3")
     record(tmp_path / "good").close()
     (tmp_path / "good" / "000001.png").unlink()
     with (
         closing(RecordedCamera(FolderRecording(tmp_path / "good"), None)) as camera,
-        pytest.raises(HardwareError, match=r"000001\.png is missing or no picture"),
+        pytest.raises(HardwareError, match=r"000001\.png is missing or is not a picture"),
     ):
         camera.read(0.0)
     (tmp_path / "good" / FRAMES_FILE).write_text('{"stamp": "x"}\n', encoding="utf-8")
-    with pytest.raises(HardwareError, match=r"good is no recording: "):
+    with pytest.raises(HardwareError, match=r"good is not a recording: "):
         FolderRecording(tmp_path / "good")
     (tmp_path / "good" / FRAMES_FILE).write_text("", encoding="utf-8")
     with pytest.raises(HardwareError, match="the recording holds no frames"):

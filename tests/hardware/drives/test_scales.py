@@ -65,7 +65,7 @@ def test_the_robot_on_a_bus_has_its_period_watchdog_and_coarsest_encoder() -> No
     [
         (
             {"period": 0.004, "watchdog": 0.01},
-            r"a watchdog of 0.01 s bites within 2 exchanges of 0.004 s, and at least",
+            r"a watchdog of 0.01 s trips within 2 exchanges of 0.004 s, and at least",
         ),
         ({"joints": ({"derating_temperature": 90.0}, {}, {})}, r"derating_temperature 90 °C is not below .* 85 °C"),
         ({"joints": ({}, {})}, r"joints"),

@@ -155,7 +155,7 @@ def test_one_late_reading_is_no_proof_and_its_limit_is_named() -> None:
     found = watch.see(0.0, 1.0, "limited by heat")
     assert found is not None
     assert found.trouble is DriveTrouble.TORQUE_NOT_FOLLOWED
-    assert found.detail == "asked for 8.00 N m at the motor, it says 0.00 N m, for 20 ms; limited by heat"
+    assert found.detail == "8.00 N m requested at the motor, it reports 0.00 N m, for 20 ms; limited by heat"
 
 
 def test_who_was_asked_for_nothing_is_not_watched() -> None:

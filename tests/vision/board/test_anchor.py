@@ -79,7 +79,7 @@ def test_a_covered_board_tells_nothing(anchor: Anchor) -> None:
 
 
 def test_what_an_anchor_refuses(anchor: Anchor) -> None:
-    with pytest.raises(BoardNotFound, match="find the board anew"):
+    with pytest.raises(BoardNotFound, match="find the board again"):
         Anchor(np.full((480, 640, 3), 128, np.uint8), corners_of(SEEN))
     with pytest.raises(ValueError, match=r"a picture of shape \(100, 100, 3\) cannot be compared"):
         anchor.check(np.zeros((100, 100, 3), np.uint8))

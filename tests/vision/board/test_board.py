@@ -84,7 +84,7 @@ def test_points_behind_the_camera_have_no_picture() -> None:
 
 def test_a_pose_must_be_rigid_and_stays_as_it_is() -> None:
     for wrong in (2.0 * np.eye(4), np.diag([-1.0, 1.0, 1.0, 1.0]), np.eye(3), np.full((4, 4), np.nan)):
-        with pytest.raises(ValueError, match="camera_from_board is no rigid transform"):
+        with pytest.raises(ValueError, match="camera_from_board is not a rigid transform"):
             BoardView(PINHOLE, wrong, TABLE)
     pose = looking_at(CAMERA.position, CAMERA.target)
     view = BoardView(PINHOLE, pose, TABLE)

@@ -69,7 +69,9 @@ def test_an_empty_board_is_not_oriented() -> None:
 def test_a_pattern_that_is_not_eight_by_eight_is_no_board(squares: int) -> None:
     seen = pose(0.2, 0.3, 0.6, SIZE)
     shrunk = seen @ np.diag([8.0 / squares, 8.0 / squares, 1.0])
-    with pytest.raises(BoardNotFound, match=r"there is no chessboard for certain in this picture: .*; show all of it"):
+    with pytest.raises(
+        BoardNotFound, match=r"no chessboard was found with certainty in this picture: .*; show all of it"
+    ):
         find_board(draw(shrunk, None, Drawing(squares=squares)))
 
 
@@ -103,7 +105,7 @@ def test_pictures_without_a_board(kind: str) -> None:
     elif kind == "stripes":
         colour[:, ::2] = 30
         colour[100:140] = 220
-    with pytest.raises(BoardNotFound, match="there is no chessboard for certain"):
+    with pytest.raises(BoardNotFound, match="no chessboard was found with certainty"):
         find_board(colour)
 
 

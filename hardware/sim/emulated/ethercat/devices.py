@@ -146,7 +146,7 @@ class EtherCatDevices:
             case PlantedKind.WATCHDOG_DEAD:
                 slave.bites = False
             case _:
-                raise ValueError(f"{kind} is no fault of a device")
+                raise ValueError(f"{kind} is not a fault of a device")
 
     def mend(self, kind: PlantedKind, device: int) -> None:
         """See ``Faulty``. Drives with a fault of their own keep it until they are reset."""

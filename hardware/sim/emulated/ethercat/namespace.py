@@ -33,7 +33,7 @@ _SET_FLAGS, _GET_FLAGS, _UP = 0x8914, 0x8913, 1
 _NEW_LINK, _REQUEST, _ACKNOWLEDGE, _CREATE, _EXCLUSIVE = 16, 1, 4, 0x400, 0x200
 _LINK_INFO, _KIND, _DATA, _NAME, _PEER = 18, 1, 2, 3, 1
 _FORBIDDEN: Final = (
-    "this system lets nobody but root make a network of their own ({}): allow user namespaces "
+    "on this system only root may create a network namespace ({}): allow user namespaces "
     "(sysctl kernel.unprivileged_userns_clone=1, or kernel.apparmor_restrict_unprivileged_userns=0), or run as root"
 )
 Result = TypeVar("Result")
@@ -86,8 +86,8 @@ def join_user_namespace(pid: int) -> None:
                 _call("setns", namespace.fileno(), _USER)
     except OSError as error:
         raise NoNetwork(
-            f"the network of process {pid} cannot be entered ({error.strerror}): is it the process of a world that "
-            "runs, of the same user, and does this one have a single thread?"
+            f"the network of process {pid} cannot be entered ({error.strerror}): is it a running world of the same "
+            "user, and does this process have only one thread?"
         ) from error
 
 

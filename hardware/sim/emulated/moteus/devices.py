@@ -99,7 +99,7 @@ class MoteusDevices:
             case PlantedKind.WATCHDOG_DEAD:
                 injected.watchdog_bites = False
             case _:
-                raise ValueError(f"{kind} is no fault of a device")
+                raise ValueError(f"{kind} is not a fault of a device")
 
     def mend(self, kind: PlantedKind, device: int) -> None:
         """See ``Faulty``."""

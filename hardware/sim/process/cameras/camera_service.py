@@ -101,7 +101,7 @@ class CameraService(Service):
         if client is not None:
             self._hear_watcher(client, request)
         elif isinstance(request, wire.Wake):
-            visitor.tell({"error": "only who watches can wake the plant up: ask to watch first"})
+            visitor.tell({"error": "only a watcher can wake the plant up: ask to watch first"})
         elif isinstance(request, wire.Taken):
             view.taken = True
         elif isinstance(request, wire.RecordWish | wire.RecordEnd):

@@ -54,7 +54,7 @@ class Planted(NamedTuple):
 FAULTS = {
     "lost": Planted("lost_replies", ALL, DriveTrouble.NO_REPLY, "4 exchanges in a row"),
     "silent": Planted("dead", True, DriveTrouble.NO_REPLY, "4 exchanges in a row"),
-    "corrupt": Planted("corrupt_replies", ALL, DriveTrouble.WRONG_REPLY, "a line that tells of no frame"),
+    "corrupt": Planted("corrupt_replies", ALL, DriveTrouble.WRONG_REPLY, "a line that describes no frame"),
     "hot": Planted("temperature", 91.0, DriveTrouble.TOO_HOT, "91 °C, at most 85 °C"),
     "sagged": Planted("voltage", 11.0, DriveTrouble.UNDER_VOLTAGE, "11.0 V, at least 12.0 V"),
     "surge": Planted("voltage", 46.0, DriveTrouble.OVER_VOLTAGE, "46.0 V, at most 44.0 V"),
@@ -63,7 +63,7 @@ FAULTS = {
     "driver": Planted("code", 33, DriveTrouble.FAULT_CODE, "code 33: motor driver fault", lasting=False),
     "overheated": Planted("code", 38, DriveTrouble.TOO_HOT, "code 38: over temperature", lasting=False),
     "brown-out": Planted("code", 40, DriveTrouble.UNDER_VOLTAGE, "code 40: under voltage", lasting=False),
-    "reset": Planted("reset", True, DriveTrouble.NOT_OPERATIONAL, "start the controller anew", lasting=False),
+    "reset": Planted("reset", True, DriveTrouble.NOT_OPERATIONAL, "restart the controller", lasting=False),
 }
 
 
@@ -226,7 +226,7 @@ def test_an_unplugged_adapter_is_a_lost_bus(tmp_path: Path) -> None:
         bus.exchange(REST)
         emulator.end()
         for _ in range(2):
-            with pytest.raises(BusLost, match=r"the adapter at .*moteus is gone.*: see its plug"):
+            with pytest.raises(BusLost, match=r"the adapter at .*moteus is gone.*: check its plug"):
                 bus.exchange(REST)
         bus.close()
         bus.close()
@@ -262,13 +262,13 @@ def start(emulator: Emulator, **also: object) -> MoteusServoBus:
 @pytest.mark.parametrize(
     ("attribute", "value", "words"),
     [
-        ("dead", True, r"no controller with id 12 answers at .*moteus: see its power and the CAN cable, and its id"),
-        ("corrupt_replies", ALL, r"no controller with id 12 answers at .* \(there was a line that tells of no frame"),
-        ("home_state", 0, r"controller 12 does not know where it stands after power-up: give it an absolute encoder"),
-        ("encoder_jump", math.nan, r"controller 12 says no position: see its encoder"),
-        ("keeps", False, r"controller 12 has servo.default_timeout_s 0.1 after it was set to 0.044: bring its firm"),
-        ("stays", True, r"controller 12 does not begin to work, it stays in mode 0: see its fault with moteus_tool"),
-        ("watchdog_bites", False, r"the watchdog of controller 12 does not bite: 98 ms after .* in mode 10 instead of"),
+        ("dead", True, r"no controller with id 12 answers at .*moteus: check its power, the CAN cable, and its id"),
+        ("corrupt_replies", ALL, r"no controller with id 12 answers at .* \(there was a line that describes no frame"),
+        ("home_state", 0, r"controller 12 does not know its position after power-up: give it an absolute encoder"),
+        ("encoder_jump", math.nan, r"controller 12 reports no position: check its encoder"),
+        ("keeps", False, r"controller 12 has servo.default_timeout_s 0.1 after it was set to 0.044: update its firm"),
+        ("stays", True, r"controller 12 does not start to work, it stays in mode 0: check its fault with moteus_tool"),
+        ("watchdog_bites", False, r"the watchdog of controller 12 does not trip: 98 ms after .* in mode 10 instead of"),
     ],
 )
 def test_a_controller_that_is_not_as_it_has_to_be(
@@ -283,15 +283,15 @@ def test_a_controller_that_is_not_as_it_has_to_be(
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
     nowhere = WITH_BRAKES.model_copy(update={"port": tmp_path / "tty"})
-    with pytest.raises(HardwareError, match=r"the serial port .*tty cannot be opened \(No such file or directory\): s"):
+    with pytest.raises(HardwareError, match=r"the serial port .*tty cannot be opened \(No such file or directory\): c"):
         MoteusServoBus(DRIVES, nowhere, ROBOT, print)
-    with pytest.raises(HardwareError, match=r"nobody said where the adapter is: give drives\.moteus its port"):
+    with pytest.raises(HardwareError, match=r"the adapter's port is not given: give drives\.moteus its port"):
         MoteusServoBus(DRIVES, WITH_BRAKES, ROBOT, print)
 
 
 def test_a_port_that_another_program_has(emulator: Emulator) -> None:
     one = start(emulator)
-    with pytest.raises(HardwareError, match="is no serial port, or another program has it"):
+    with pytest.raises(HardwareError, match="is not a serial port, or another program uses it"):
         start(emulator)
     one.close()
     start(emulator).close()

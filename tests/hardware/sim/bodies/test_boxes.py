@@ -38,7 +38,7 @@ def test_places_of_a_box_are_written_and_read(place: Place) -> None:
 
 @pytest.mark.parametrize("text", ["B1", "BL", "BL0", "BL01", "BX3", "bl3", "BL-1", "BRR1"])
 def test_what_is_no_place_of_a_box_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=f"^'{text}' is no place: e4, L3, R24 and BL7 are$"):
+    with pytest.raises(ValueError, match=f"^'{text}' is not a place; places are e4, L3, R24 or BL7$"):
         Place.parse(text)
 
 

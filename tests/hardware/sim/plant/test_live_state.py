@@ -128,7 +128,7 @@ def test_where_one_slot_is_torn_the_other_one_counts(
 def test_a_file_that_holds_no_state_is_one_sentence(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / LIVE_FILE
     path.write_bytes(content)
-    with pytest.raises(HardwareError, match=r"world_live\.bin is no state of a world: delete it"):
+    with pytest.raises(HardwareError, match=r"world_live\.bin is not the state of a world: delete it"):
         load_live_state(path)
 
 
