@@ -226,7 +226,7 @@ def test_the_walk_reaches_all_rooms() -> None:
     assert way(reached, "app.cli", "engine.process").startswith("app.cli → ")
 
 
-RUNS_WHAT_IT_IS_TOLD = "hardware.sim.emulated.ethercat.inside"
+RUNS_WHAT_IT_IS_TOLD = "hardware.sim.emulated.ethercat.enter_namespace"
 """Runs any module, named on its command line, and knows none."""
 
 
@@ -289,7 +289,7 @@ def test_a_class_name_stands_for_one_thing() -> None:
     assert not {name: modules for name, modules in where.items() if len(modules) > 1}
 
 
-CHOICES = ("settings", "tree", "rig_file", "randomisation", "appearance")
+CHOICES = ("settings", "tree", "rig_file", "randomisation")
 """Modules of what somebody may choose, in a file or on the command line."""
 
 

@@ -26,7 +26,7 @@ from app.terminal.shown import LookShown
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.piece_set import Colour, Kind, Look
 from hardware.table import PieceSpec, TableSettings, square_place
-from vision.board.anchor import Anchor
+from vision.board.moved import Anchor
 from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.lying_or_standing import MisplacedPiece

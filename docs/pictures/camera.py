@@ -20,9 +20,9 @@ from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.settings import WorldSettings, stand_pieces
-from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Sensor
+from hardware.sim.render.settings import CameraSettings, Looks
 from hardware.sim.render.still import StillRenderer
 from hardware.table import TableSettings
 

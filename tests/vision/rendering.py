@@ -20,10 +20,10 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import CAMERAS, build_model
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.sim.process.table_studio import TableStudio
-from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import HEIGHT, WIDTH, intrinsics_for
 from hardware.sim.render.sensor_model import ColourSensor, colour_picture
+from hardware.sim.render.settings import LightSettings
 from hardware.table import PieceSpec, TableSettings
 from vision.board.view import BoardView, playing_area
 

@@ -27,7 +27,7 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import SceneState
+from hardware.sim.render.settings import SceneState
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.lying_or_standing import MisplacedPiece

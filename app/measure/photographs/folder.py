@@ -19,8 +19,8 @@ from app.records import EVENTS_FILE, FRAMES, read_events
 from app.records.events import StartEvent
 from app.records.history import counted_plies
 from vision.arrays import Array
-from vision.board.anchor import Anchor
 from vision.board.find import find_board
+from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
 from vision.hands.stillness import VideoGate

@@ -30,10 +30,10 @@ from hardware.interfaces import HardwareError
 from hardware.sim.plant.trajectory import TrajectoryFile, TrajectoryFrame
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.drawing import SceneDrawer
 from hardware.sim.render.quality import FILM, LOOK
 from hardware.sim.render.rasteriser import FreeView
+from hardware.sim.render.settings import SceneState
 
 NICE: Final = 15
 """Films step back behind everything else, also behind pictures of a game [steps of the scheduler's niceness]."""

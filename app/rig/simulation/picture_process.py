@@ -15,9 +15,9 @@ from hardware.interfaces import HardwareError
 from hardware.sim.plant.trajectory import TrajectoryFile
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.drawing import SceneDrawer
 from hardware.sim.render.quality import FILM, LOOK
+from hardware.sim.render.settings import SceneState
 
 
 def draw(wish: PicturesWish, output: IO[bytes]) -> None:

@@ -45,7 +45,7 @@ _COMMANDS: Final = {
 with its controller."""
 _SLAVES: Final = ("hardware.sim.emulated.ethercat.process",)
 """A world behind emulated EtherCAT drives: it makes a network before anything else …"""
-_INSIDE: Final = "hardware.sim.emulated.ethercat.inside"
+_INSIDE: Final = "hardware.sim.emulated.ethercat.enter_namespace"
 """… in which its controller has to be before anything else."""
 
 

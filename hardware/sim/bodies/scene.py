@@ -29,9 +29,9 @@ from hardware.sim.bodies.contact_stiffness import (
 )
 from hardware.sim.bodies.mujoco_contact import Contact
 from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
-from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
+from hardware.sim.render.settings import LightSettings
 from hardware.sim.render.shapes import COARSE
 from hardware.table import TableSettings
 from hardware.turned_shapes import turned_mesh

@@ -18,7 +18,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from hardware.frozen import Frozen
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings
+from hardware.sim.render.settings import ExposureSettings, LightSettings, MountSettings
 
 SOCKET_NAME = "world.sock"
 LARGEST_MESSAGE = 1 << 16

@@ -16,7 +16,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import Snapshot
 from hardware.sim.process.randomisation import Draw, draw
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import CameraSettings, SceneState
+from hardware.sim.render.settings import CameraSettings, SceneState
 
 
 class Construction(NamedTuple):

@@ -16,7 +16,7 @@ from hardware.frozen import FrozenFinite
 from hardware.parameters import OneArm, RobotParameters
 from hardware.sim.bodies.placed import BoardOffset, StandingPiece
 from hardware.sim.plant.imperfections import PERFECT, Imperfections
-from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.sim.render.settings import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]

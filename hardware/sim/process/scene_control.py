@@ -6,7 +6,7 @@ from typing import Any
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Service, Visitor
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
+from hardware.sim.render.settings import ExposureSettings, LightSettings, MountSettings, SceneState
 
 
 class SceneControlService(Service):

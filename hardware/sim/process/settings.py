@@ -15,7 +15,7 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.planted import PlantedFault
 from hardware.sim.process.randomisation import Randomisation, stand
-from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.sim.render.settings import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
 
 FILE_NAME = "world.json"

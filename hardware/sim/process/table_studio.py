@@ -20,11 +20,11 @@ from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import JOINTS, HandPose, add_hand
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.render.appearance import CameraSettings, MountSettings, SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.quality import FILM
 from hardware.sim.render.renderer import RenderRequest, Sensor
+from hardware.sim.render.settings import CameraSettings, MountSettings, SceneState
 from hardware.sim.render.still import VIEW, StillRenderer
 from hardware.table import PieceSpec, TableSettings
 

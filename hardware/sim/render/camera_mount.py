@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.render.appearance import MountSettings, Vector
 from hardware.sim.render.d435 import DEPTH_HEIGHT, LEFT_IMAGER, depth_intrinsics
+from hardware.sim.render.settings import MountSettings, Vector
 
 _CV_AXES = np.array([1.0, -1.0, -1.0])
 """OpenCV's camera axes in MuJoCo's, which look along -z with y up."""

@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, GLANCE, LEFT_IMAGER, colour_intrinsics
 from hardware.sim.render.lamps import set_lamps
@@ -43,6 +42,7 @@ from hardware.sim.render.sensor_model import (
     seen_from_left,
     whole_units,
 )
+from hardware.sim.render.settings import SceneState
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from hardware.sim.render.appearance import LightSettings, Vector
+from hardware.sim.render.settings import LightSettings, Vector
 
 KEY_LAMPS = 4
 """One lamp is drawn as so many of a fourth of its brightness where its shadows are soft."""

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Intrinsics
-from hardware.sim.render.appearance import CameraSettings, SceneState
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.quality import LOOK, PictureQuality
+from hardware.sim.render.settings import CameraSettings, SceneState
 
 MODEL_FILE = "world.mjb"
 WIDTH, HEIGHT = 640, 480

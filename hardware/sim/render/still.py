@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.renderer import (
     HEIGHT,
     MODEL_FILE,
@@ -20,6 +19,7 @@ from hardware.sim.render.renderer import (
     load_pictures,
     make_slot,
 )
+from hardware.sim.render.settings import SceneState
 
 VIEW: Final = "camera"
 _PATIENCE: Final = 60.0

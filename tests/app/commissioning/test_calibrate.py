@@ -32,7 +32,7 @@ from hardware.interfaces import Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.table_studio import true_camera
-from hardware.sim.render.appearance import CameraSettings, MountSettings
+from hardware.sim.render.settings import CameraSettings, MountSettings
 from hardware.table import TableSettings
 from vision.camera.calibration import CalibrationFailed
 

@@ -11,7 +11,7 @@ import pytest
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import SceneState
+from hardware.sim.render.settings import SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

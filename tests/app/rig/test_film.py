@@ -26,7 +26,7 @@ from app.rig.simulation.film import (
 )
 from hardware.sim.plant.trajectory import TrajectoryHeader, TrajectoryWriter
 from hardware.sim.process.construction import Construction
-from hardware.sim.render.appearance import LightSettings, SceneState
+from hardware.sim.render.settings import LightSettings, SceneState
 from tests.hardware.sim.process.test_world import settings_for
 
 TICK = 0.00088

@@ -16,7 +16,7 @@ from app.settings.toml import ConfigError
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.render.appearance import CameraSettings, LightSettings, MountSettings
+from hardware.sim.render.settings import CameraSettings, LightSettings, MountSettings
 from hardware.table import Captured, TableSettings
 
 METRES = st.floats(-0.05, 0.05)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from app.measure.bench.vision.photos import find_rows, photographs
-from hardware.sim.render.appearance import LightSettings
+from hardware.sim.render.settings import LightSettings
 from tests.vision.drawing import START, Drawing, corners_of, draw, pose
 from vision.board.find import FoundBoard, find_board
 from vision.board.view import BoardNotFound

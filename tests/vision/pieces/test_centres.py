@@ -17,7 +17,7 @@ from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
 from hardware.piece_set import Colour, Kind, piece_profile
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import MountSettings, SceneState
+from hardware.sim.render.settings import MountSettings, SceneState
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

@@ -15,7 +15,7 @@ from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece as Put
 from hardware.sim.process.table_studio import TableStudio
-from hardware.sim.render.appearance import SceneState
+from hardware.sim.render.settings import SceneState
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

@@ -10,7 +10,7 @@ import pytest
 
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import SceneState
+from hardware.sim.render.settings import SceneState
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

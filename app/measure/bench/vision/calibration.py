@@ -29,7 +29,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio, true_camera
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
+from hardware.sim.render.settings import ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.arrays import Array
 from vision.board.view import BoardView

@@ -24,10 +24,10 @@ from hardware.interfaces import Frame
 from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
+from hardware.sim.render.settings import ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.table import Place, TableSettings, square_place
-from vision.board.anchor import Anchor
 from vision.board.find import find_board
+from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardView
 from vision.hands.stillness import Watch

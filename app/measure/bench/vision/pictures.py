@@ -17,10 +17,10 @@ from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.measure.bench.vision.games import open_studio
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import SceneState
+from hardware.sim.render.settings import SceneState
 from hardware.table import TableSettings
-from vision.board.anchor import Anchor
 from vision.board.find import find_board
+from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardView, playing_area
 from vision.pieces.verify import examine_board

@@ -146,7 +146,7 @@ def _join_network(pid: int) -> None:
     except OSError as error:
         raise NoNetwork(
             f"the network of process {pid} cannot be entered ({error.strerror}): start this program by "
-            f"'python -P -m hardware.sim.emulated.ethercat.inside {pid} -m MODULE ...', or run it as root"
+            f"'python -P -m hardware.sim.emulated.ethercat.enter_namespace {pid} -m MODULE ...', or run it as root"
         ) from error
 
 

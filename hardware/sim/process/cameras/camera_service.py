@@ -20,10 +20,10 @@ from hardware.sim.process.cameras.video_stream import PATIENCE, StreamClient
 from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
-from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.quality import FILM, LOOK
 from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for, make_slot
+from hardware.sim.render.settings import CameraSettings
 
 RGBD = "camera"
 """The view of the board's RGB-D camera; the others show the world to people."""

@@ -22,7 +22,7 @@ from hardware.sim.plant.imperfections import Imperfections
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Draw, Randomisation, draw
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.sim.render.settings import CameraSettings, LightSettings
 from hardware.table import TableSettings
 
 TABLE, PARAMETERS = TableSettings(), load_parameters()

@@ -16,7 +16,7 @@ from hardware.sim.clients.trajectory import TrajectoryRecording
 from hardware.sim.plant.trajectory import TrajectoryFile
 from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import MountSettings, SceneState
+from hardware.sim.render.settings import MountSettings, SceneState
 from tests.hardware.sim.process.test_world import TICK, Controller, WorldProcess, gl, settings_for
 
 __all__ = ["gl"]

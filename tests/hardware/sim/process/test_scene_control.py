@@ -14,7 +14,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.clients import wire
 from hardware.sim.clients.camera import SimCamera
 from hardware.sim.process.scene_control import SceneControl
-from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings
+from hardware.sim.render.settings import CameraSettings, ExposureSettings, LightSettings, MountSettings
 from tests.hardware.sim.process.test_world import Controller, WorldProcess, settings_for
 
 START = CameraSettings(size="1280x720", exposure=ExposureSettings(time=0.8), depth_unit=1e-4)

@@ -18,11 +18,11 @@ from hardware.piece_set import Colour
 from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.settings import stand_pieces
-from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.lamps import KEY_LAMPS, set_lamps
 from hardware.sim.render.quality import FILM, LOOK, PictureQuality
 from hardware.sim.render.rasteriser import HIDDEN_GROUP, Rasteriser
+from hardware.sim.render.settings import LightSettings
 from hardware.sim.render.shapes import shape_of
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for

@@ -20,11 +20,11 @@ from hardware.sim.bodies.scene import CAMERAS, build_model
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import stand_pieces
-from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
 from hardware.sim.render.sensor_model import STEREO
+from hardware.sim.render.settings import CameraSettings, ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
 

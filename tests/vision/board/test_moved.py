@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.vision.drawing import START, Drawing, corners_of, draw, pose
-from vision.board.anchor import Anchor
+from vision.board.moved import Anchor
 from vision.board.view import BoardNotFound
 
 LATER = "r1bqkbnr/pppp1ppp/2n5/4p3/2B1P3/5Q2/PPPP1PPP/RNB1K1NR"

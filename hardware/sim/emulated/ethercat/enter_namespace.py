@@ -13,7 +13,7 @@ from pathlib import Path
 
 from hardware.sim.emulated.ethercat.namespace import NoNetwork, join_user_namespace, network_pid
 
-USAGE = "usage: python -P -m hardware.sim.emulated.ethercat.inside PID|RUN_DIR -m MODULE [ARGUMENTS ...]"
+USAGE = "usage: python -P -m hardware.sim.emulated.ethercat.enter_namespace PID|RUN_DIR -m MODULE [ARGUMENTS ...]"
 
 
 def main(arguments: Sequence[str]) -> None:
