@@ -86,6 +86,7 @@ class EtherCatServoBus:
         self._unanswered: float | None = None
         self._answered = self._sent = time.monotonic()
         self._clock = TickClock(self.period)
+        self._due = self._clock.due() - self.period
         self._ran = self._energised = False
 
     # the exchange
@@ -101,8 +102,9 @@ class EtherCatServoBus:
             self._latch(DriveFault(0, DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
             command = command._replace(torque=(0.0, 0.0, 0.0), finger_velocity=0.0)
         while True:
+            self._put_out(command, self._clock.due())
             began = self._clock.next()
-            if self._cycle(command):
+            if self._cycle():
                 break
             self._miss(began)
         measurement = self._measure(command)
@@ -115,16 +117,19 @@ class EtherCatServoBus:
             self._closed = True
             self._network.close()
 
-    def _cycle(self, command: Command) -> bool:
-        """One frame; whether it came back with the data of all."""
+    def _put_out(self, command: Command, due: float) -> None:
+        """What the next frame takes along, before its time has come, so that it sets out at once then."""
         network, wanted = self._network, self._wanted(command)
         reset = not command.enable
-        now = time.monotonic()
-        elapsed = min(now - self._answered, self._watchdog)
+        elapsed, self._due = min(due - self._due, self._watchdog), due
         for arm, device, torque in zip(self._arms, ARMS, command.torque, strict=True):
             network.output(device, arm.outputs(torque, wanted, elapsed, reset=reset))
         velocity = command.finger_velocity if self._latched is None else min(0.0, command.finger_velocity)
         network.output(Device.GRIPPER, self._gripper.outputs(velocity, Wanted.RUN, reset=reset))
+
+    def _cycle(self) -> bool:
+        """One frame; whether it came back with the data of all."""
+        network = self._network
         self._sent = time.monotonic()
         network.send()
         counter = network.receive(REPLY * self.period)
