@@ -149,8 +149,8 @@ def test_a_system_without_any_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     assert granted.notes == (
         "a test is not bound to core 0: other cannot bind a thread to a core: use Linux",
         "the memory of a test is not locked: other has no mlockall: use Linux",
-        "the processors may fall asleep beside a test: /nowhere/cpu_dma_latency: No such file or directory: run as root "
-        "on Linux, or allow your account that file by a rule of udev",
+        "the processors may fall asleep beside a test: /nowhere/cpu_dma_latency: No such file or directory: run as "
+        "root on Linux, or allow your account that file by a rule of udev",
         "a test has no SCHED_FIFO 1: other has no SCHED_FIFO: use Linux",
     )
 
