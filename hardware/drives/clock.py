@@ -1,10 +1,23 @@
 """The clock of a bus that has none: deadlines that are whole multiples of its period, by this computer's clock."""
 
 import time
-from typing import Final
+from typing import Final, NamedTuple
 
 _SPIN: Final = 60e-6
 """A sleep ends so much early, and the rest is waited for actively [s]: ordinary kernels wake sleepers 50 µs late."""
+
+
+class ExchangeTimes(NamedTuple):
+    """Moments of one exchange (``time.monotonic``) [s]."""
+
+    began: float
+    """Its tick began."""
+    sent: float
+    """The command is given to the operating system."""
+    came: float
+    """The last answer is taken from it."""
+    known: float
+    """The measurement is known."""
 
 
 def tick_now(period: float) -> int:

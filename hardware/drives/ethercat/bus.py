@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from hardware.drives.clock import TickClock
+from hardware.drives.clock import ExchangeTimes, TickClock
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
@@ -49,7 +49,7 @@ class EtherCatServoBus:
     Attributes:
         fault: the last one, None before the first.
         lost: frames that did not come back.
-        took: how long the last exchange took without its waiting [s].
+        times: of the last exchange; nothing before it.
     """
 
     lockstep = False
@@ -77,7 +77,8 @@ class EtherCatServoBus:
         self._tell, self._closed = tell, False
         self._follower = ReferenceFollower(self.period) if settings.distributed_clocks else None
         self.fault: DriveFault | None = None
-        self.lost, self.took = 0, 0.0
+        self.lost = 0
+        self.times: ExchangeTimes | None = None
         self._came: deque[bool] = deque(maxlen=FRAMES)
         self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
@@ -108,7 +109,7 @@ class EtherCatServoBus:
                 break
             self._miss(began)
         measurement = self._measure(command)
-        self.took = time.monotonic() - began
+        self.times = ExchangeTimes(began, self._sent, self._answered, time.monotonic())
         return measurement
 
     def close(self) -> None:
