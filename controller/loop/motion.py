@@ -63,6 +63,10 @@ class MotionBuffer:
         self.received = self.executed = self._early = 0
         self._present[:] = False
 
+    def takes(self, samples: Samples) -> bool:
+        """Whether samples are of the announced motion."""
+        return self.announced is not None and samples.motion == self.announced.motion
+
     def clear(self) -> None:
         """No motion any more."""
         self.announced = None

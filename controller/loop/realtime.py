@@ -9,7 +9,7 @@ from controller.records.loop_statistics import say_at_once
 from controller.settings import ControllerSettings
 from hardware.realtime import RealTime, quiet_memory, real_time
 
-_NOT_WANTED = RealTime(scheduled=False, locked=False, pinned=False, notes=())
+_NOT_WANTED = RealTime(scheduled=False, locked=False, pinned=False, awake=False, notes=())
 
 
 @contextlib.contextmanager

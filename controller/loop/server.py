@@ -170,8 +170,8 @@ class Server:
             if piecemeal:
                 pieces = max(1, min(self._tick - before, _MOST_PIECES))
                 for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
-                    endpoint.sift(now, now + reading)
-                    service.do_one_piece(now, self._tick)
+                    found = endpoint.sift(now, now + reading)
+                    service.do_one_piece(now, self._tick, found=found)
                 self._live(now)
             else:
                 endpoint.drain(now, now + reading, most, service.handle)

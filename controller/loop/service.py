@@ -89,13 +89,21 @@ class ClientService:
             return False
         return True
 
-    def do_one_piece(self, now: float, tick: int) -> None:
+    def do_one_piece(self, now: float, tick: int, *, found: bool) -> None:
         """On a bus in real time: one piece of what can wait for a tick, so that no tick has much to do.
 
         A datagram of the client is carried out in one tick, and the samples in it are checked in a later one. Telemetry
         is gathered, packed and sent in three; what it tells is of the first. Reading, telling and relaying take turns,
         so that a client that sends much silences nobody.
+
+        Args:
+            now: wall time [s].
+            tick: of the plant.
+            found: a datagram of the client was found in this tick, which takes as long as a piece: all but carrying it
+                out waits for the next tick, in which none is looked for unless this one was carried out.
         """
+        if found and self._busy:
+            return
         if self._samples is not None:
             samples, self._samples = self._samples, None
             self._supervisor.take_samples(samples)
@@ -106,6 +114,8 @@ class ClientService:
             self._packed, self._gathered = self._gathered.pack(), None
         else:
             for turn in _TURNS[self._turn]:
+                if found and turn != _READ and self._has_turn(turn, now, tick):
+                    return
                 if self._take_turn(turn, now, tick):
                     self._turn = turn
                     return
@@ -113,6 +123,7 @@ class ClientService:
     def tell_if_due(self, now: float, tick: int) -> None:
         """On a lockstep bus: telemetry at once, where it is due."""
         if self._is_due(now, tick):
+            self._told(now, tick)
             self._endpoint.publish(self._telemetry().pack(), now)
 
     def say_goodbye(self, now: float) -> None:
@@ -128,24 +139,45 @@ class ClientService:
         if turn == _RELAY:
             return self._endpoint.relay()
         if self._is_due(now, tick):
+            self._told(now, tick)
             self._gathered = self._telemetry()
             return True
         return False
+
+    @property
+    def _busy(self) -> bool:
+        """Whether something was begun that takes another piece."""
+        return self._samples is not None or self._packed is not None or self._gathered is not None
+
+    def _has_turn(self, turn: int, now: float, tick: int) -> bool:
+        """Whether there is something to tell, or to relay."""
+        return self._is_due(now, tick) if turn == _TELL else self._endpoint.relays
 
     def _handle_later(self, kind: int, payload: memoryview) -> bool:
         """As ``handle``, but samples wait for a later tick; nothing else is taken before, so the view lasts."""
         if kind != DatagramKind.SAMPLES:
             return self.handle(kind, payload)
-        self._samples = Samples.unpack(payload)
-        return self._samples is not None
+        samples = Samples.unpack(payload)
+        if samples is not None and self._supervisor.admission.motion.takes(samples):
+            self._samples = samples  # of no other motion: those that a client still sends after one take no more time
+        return samples is not None
 
     def _is_due(self, now: float, tick: int) -> bool:
-        """On every change, once in every so many ticks, and at least every so often in wall time; marked as done then.
+        """On every change, once in every so many ticks, and at least every so often in wall time.
 
         In lockstep that once is at their begin, whatever was told in between: so two runs tell the same of those ticks.
         """
+        due = tick // self._ticks != self._published_tick // self._ticks
+        return due or now - self._published_at >= self._interval or self._change() != self._published
+
+    def _told(self, now: float, tick: int) -> None:
+        """It is told now."""
+        self._published, self._published_tick, self._published_at = self._change(), tick, now
+
+    def _change(self) -> tuple[object, ...]:
+        """What is told at once when it changes."""
         supervisor = self._supervisor
-        change = (
+        return (
             supervisor.state,
             supervisor.admission.ended,
             supervisor.admission.latch.presses,
@@ -153,11 +185,6 @@ class ClientService:
             self._endpoint.last_command,
             self.echo,
         )
-        due = tick // self._ticks != self._published_tick // self._ticks
-        if due or now - self._published_at >= self._interval or change != self._published:
-            self._published, self._published_tick, self._published_at = change, tick, now
-            return True
-        return False
 
     def _telemetry(self) -> Telemetry:
         endpoint = self._endpoint

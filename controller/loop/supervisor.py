@@ -298,7 +298,7 @@ class Supervisor:
     def take_samples(self, samples: Samples) -> None:
         """Store samples of the announced motion; those of any other are stale and change nothing."""
         buffer = self.admission.motion
-        if buffer.announced is None or samples.motion != buffer.announced.motion:
+        if not buffer.takes(samples):
             return
         trouble = buffer.store(samples)
         if trouble is not None and buffer.executed:

@@ -149,7 +149,7 @@ class Endpoint:
         pressed, self._pressed = self._pressed, False
         return pressed
 
-    def sift(self, now: float, until: float) -> None:
+    def sift(self, now: float, until: float) -> bool:
         """Read on until a datagram of the client is found, for ``take``; nothing where one was found already.
 
         One datagram of everybody is read, then the client's socket, then the open one: at least one datagram of each
@@ -158,9 +158,12 @@ class Endpoint:
         Args:
             now: wall time [s].
             until: when to stop looking, by the clock [s].
+
+        Returns:
+            Whether one was found now.
         """
         if self._admitted is not None:
-            return
+            return False
         # asking first costs a third of the exception that an empty socket would raise
         ready = [end for end, _ in self._poll.poll(0)]
         self._may_answer = True
@@ -170,6 +173,7 @@ class Endpoint:
         for end, latest in turns:
             if end.fileno() in ready and self._admitted is None:
                 self._search(end, now, latest)
+        return self._admitted is not None
 
     def take(self, handle: Handler) -> bool:
         """Hand over the datagram that was found.
@@ -212,6 +216,11 @@ class Endpoint:
     def relay(self) -> bool:
         """Send a copy of the telemetry to one listener at most that waits for it; whether one did."""
         return self._subscribers.relay()
+
+    @property
+    def relays(self) -> bool:
+        """Whether a listener waits for a copy."""
+        return self._subscribers.waiting
 
     @property
     def listeners(self) -> int:

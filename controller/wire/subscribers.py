@@ -55,6 +55,11 @@ class Subscribers:
     def __len__(self) -> int:
         return len(self._listeners)
 
+    @property
+    def waiting(self) -> bool:
+        """Whether ``relay`` has something to send."""
+        return self._due > 0
+
     def admit(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """Take a WATCH in: a listener stays one, a newcomer is challenged or admitted.
 

@@ -1,10 +1,23 @@
 """The clock of a bus that has none: deadlines that are whole multiples of its period, by this computer's clock."""
 
 import time
-from typing import Final
+from typing import Final, NamedTuple
 
 _SPIN: Final = 60e-6
 """A sleep ends so much early, and the rest is waited for actively [s]: ordinary kernels wake sleepers 50 µs late."""
+
+
+class ExchangeTimes(NamedTuple):
+    """Moments of one exchange (``time.monotonic``) [s]."""
+
+    began: float
+    """Its tick began."""
+    sent: float
+    """The command is given to the operating system."""
+    came: float
+    """The last answer is taken from it."""
+    known: float
+    """The measurement is known."""
 
 
 def tick_now(period: float) -> int:
@@ -19,13 +32,17 @@ class TickClock:
         self._period, self._shift = period, 0.0
         self.tick = tick_now(period)
 
+    def due(self) -> float:
+        """When the next tick begins, if nothing comes between (``time.monotonic``) [s]; does not wait for it."""
+        return self._tick_after(time.monotonic()) * self._period + self._shift
+
     def next(self) -> float:
         """Wait for the next tick; when it really began (``time.monotonic``) [s].
 
         Whoever comes more than a period late misses ticks: they are left out, the count goes on with the wall clock.
         """
         now = time.monotonic()
-        self.tick = max(self.tick + 1, int((now - self._shift) / self._period))
+        self.tick = self._tick_after(now)
         due = self.tick * self._period + self._shift
         if (left := due - now - _SPIN) > 0.0:
             time.sleep(left)
@@ -44,6 +61,9 @@ class TickClock:
             return self.tick
         self.tick = came + 1
         return came
+
+    def _tick_after(self, now: float) -> int:
+        return max(self.tick + 1, int((now - self._shift) / self._period))
 
     def shift(self, seconds: float) -> None:
         """All ticks to come are later by so much; for a bus that has to keep in step with another clock."""

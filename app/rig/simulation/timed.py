@@ -36,6 +36,7 @@ class GrantedRealTime(Frozen):
     scheduled: bool
     locked: bool
     pinned: bool
+    awake: bool
     notes: tuple[str, ...]
 
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from hardware.drives.clock import TickClock
+from hardware.drives.clock import ExchangeTimes, TickClock
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
@@ -49,7 +49,7 @@ class EtherCatServoBus:
     Attributes:
         fault: the last one, None before the first.
         lost: frames that did not come back.
-        took: how long the last exchange took without its waiting [s].
+        times: of the last exchange; nothing before it.
     """
 
     lockstep = False
@@ -77,7 +77,8 @@ class EtherCatServoBus:
         self._tell, self._closed = tell, False
         self._follower = ReferenceFollower(self.period) if settings.distributed_clocks else None
         self.fault: DriveFault | None = None
-        self.lost, self.took = 0, 0.0
+        self.lost = 0
+        self.times: ExchangeTimes | None = None
         self._came: deque[bool] = deque(maxlen=FRAMES)
         self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
@@ -86,6 +87,7 @@ class EtherCatServoBus:
         self._unanswered: float | None = None
         self._answered = self._sent = time.monotonic()
         self._clock = TickClock(self.period)
+        self._due = self._clock.due() - self.period
         self._ran = self._energised = False
 
     # the exchange
@@ -101,12 +103,13 @@ class EtherCatServoBus:
             self._latch(DriveFault(0, DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
             command = command._replace(torque=(0.0, 0.0, 0.0), finger_velocity=0.0)
         while True:
+            self._put_out(command, self._clock.due())
             began = self._clock.next()
-            if self._cycle(command):
+            if self._cycle():
                 break
             self._miss(began)
         measurement = self._measure(command)
-        self.took = time.monotonic() - began
+        self.times = ExchangeTimes(began, self._sent, self._answered, time.monotonic())
         return measurement
 
     def close(self) -> None:
@@ -115,16 +118,19 @@ class EtherCatServoBus:
             self._closed = True
             self._network.close()
 
-    def _cycle(self, command: Command) -> bool:
-        """One frame; whether it came back with the data of all."""
+    def _put_out(self, command: Command, due: float) -> None:
+        """What the next frame takes along, before its time has come, so that it sets out at once then."""
         network, wanted = self._network, self._wanted(command)
         reset = not command.enable
-        now = time.monotonic()
-        elapsed = min(now - self._answered, self._watchdog)
+        elapsed, self._due = min(due - self._due, self._watchdog), due
         for arm, device, torque in zip(self._arms, ARMS, command.torque, strict=True):
             network.output(device, arm.outputs(torque, wanted, elapsed, reset=reset))
         velocity = command.finger_velocity if self._latched is None else min(0.0, command.finger_velocity)
         network.output(Device.GRIPPER, self._gripper.outputs(velocity, Wanted.RUN, reset=reset))
+
+    def _cycle(self) -> bool:
+        """One frame; whether it came back with the data of all."""
+        network = self._network
         self._sent = time.monotonic()
         network.send()
         counter = network.receive(REPLY * self.period)

@@ -30,15 +30,21 @@ class AnswerCollector:
         adapter: where they come from.
         controllers: in the order of their places.
         patience: for all of them together [s].
+
+    Attributes:
+        sent: when the last frames set out …
+        came: … and when the last lines were there (``time.monotonic``) [s].
     """
 
     def __init__(self, adapter: Adapter, controllers: Sequence[Controller], patience: float) -> None:
         self._adapter, self._controllers, self._patience = adapter, controllers, patience
         self._places = {controller.device: place for place, controller in enumerate(controllers)}
         self._unacknowledged = 0
+        self.sent = self.came = time.monotonic()
 
     def expect(self) -> None:
         """A frame for each controller is sent now."""
+        self.sent = time.monotonic()
         self._unacknowledged += len(self._controllers)
 
     def collect(self) -> Answered:
@@ -49,6 +55,7 @@ class AnswerCollector:
         missing, until = count, time.monotonic() + self._patience
         while missing:
             lines = self._adapter.port.lines(until)
+            self.came = time.monotonic()
             for line in lines:
                 missing -= self._put(line, told, damage)
             if not lines and time.monotonic() >= until:

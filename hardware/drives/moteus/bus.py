@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from hardware.drives.clock import TickClock
+from hardware.drives.clock import ExchangeTimes, TickClock
 from hardware.drives.faults import DriveFault, DriveFinding
 from hardware.drives.joint import FingerScale
 from hardware.drives.moteus.adapter import Adapter
@@ -47,6 +47,7 @@ class MoteusServoBus:
 
     Attributes:
         fault: that the drives were braked for last; None once it was cleared.
+        times: of the last exchange; nothing before it.
 
     Raises:
         HardwareError: a device is not there, or not as it has to be.
@@ -94,7 +95,7 @@ class MoteusServoBus:
         self._bitten = self._ill = self._pumped = self._closed = False
         self._clock, self._tick = TickClock(self.period), 0
         self._sent = self._fed = math.nan
-        self.took = 0.0
+        self.times: ExchangeTimes | None = None
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``. A fault is cleared by an exchange without ``enable`` in which all are well."""
@@ -132,7 +133,7 @@ class MoteusServoBus:
         elapsed = self._sent - before if math.isfinite(before) else self.period
         self._send(command, elapsed)
         self._take(command, elapsed)
-        self.took = time.monotonic() - self._sent
+        self.times = ExchangeTimes(self._sent, self._answers.sent, self._answers.came, time.monotonic())
 
     # commands
 

@@ -13,6 +13,7 @@ from hardware.drives.clock import tick_now
 from hardware.drives.joint import FingerScale, JointScale
 from hardware.interfaces import Command, HardwareError, Measurement, Pace, Triple
 from hardware.realtime import exact_timers
+from hardware.sim.emulated.answer_times import AnswerTimes
 from hardware.sim.emulated.pacing import FollowingPacer
 from hardware.sim.emulated.planting import Faulty, Planting
 from hardware.sim.process.server import World
@@ -85,6 +86,10 @@ class EmulatedDevices(Faulty, Protocol):
 
     def sense(self, state: MotorState) -> None:
         """The plant has advanced by one tick, or this is the state before the first one."""
+
+    @property
+    def times(self) -> AnswerTimes | None:
+        """Where answers are noted; None: nobody measures."""
 
     def close(self) -> None:
         """Give the bus up."""
@@ -173,6 +178,8 @@ class DrivenWorld(World):
         """See ``World.run``."""
         with exact_timers():
             super().run()
+        if self._devices.times is not None:
+            self._devices.times.save(self._run_dir)
 
     def _turn(self) -> None:
         self._one_turn()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import ParametersError, load_parameters
+from hardware.sim.emulated.answer_times import AnswerTimes
 from hardware.sim.emulated.ethercat.devices import EtherCatDevices
 from hardware.sim.emulated.ethercat.namespace import SLAVES_END
 from hardware.sim.emulated.moteus.devices import MoteusDevices
@@ -15,14 +16,15 @@ from hardware.sim.process.settings import WorldSettings, load_settings
 
 def devices_of(run_dir: Path, settings: WorldSettings) -> EmulatedDevices:
     """The devices that a world's settings name; ``HardwareError``: there are none, or no cable, or no such robot."""
+    times = AnswerTimes() if settings.realtime else None
     if settings.moteus is not None:
-        return MoteusDevices(run_dir, settings.moteus)
+        return MoteusDevices(run_dir, settings.moteus, times)
     if settings.ethercat is not None and settings.drives is not None:
         try:
             robot = load_parameters(settings.parameters_file)
         except ParametersError as error:
             raise HardwareError(f"this world cannot be made: {error}") from error
-        return EtherCatDevices(settings.ethercat, settings.drives, robot, SLAVES_END)
+        return EtherCatDevices(settings.ethercat, settings.drives, robot, SLAVES_END, times)
     raise HardwareError(f"the settings of the world in {run_dir} name no bus to emulate: start it through its rig")
 
 

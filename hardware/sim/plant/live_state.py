@@ -28,6 +28,8 @@ _MAGIC: Final = b"TMLS"
 _SUMMED: Final = 8
 """Where in a slot what is summed begins [bytes]."""
 SLOTS: Final = 2
+ASIDE_PRIORITY: Final = 60
+"""In real time: below that of controllers and of the world, above what other programs have."""
 
 
 class LiveState:
@@ -66,11 +68,13 @@ class LiveState:
         """From here on write in a thread of its own: a file system may let a writer wait while it writes to its disk,
         and a plant in real time cannot. While that thread is not done, ticks are not kept.
 
-        The thread is as urgent as who calls this, who else would wait for the interpreter's lock behind an ordinary
-        one that was put off the processor.
+        In real time the thread is so, too: who calls this would else wait for the interpreter's lock behind an ordinary
+        one that was put off the processor. But it is less urgent than a controller, which it must not keep from its
+        tick; who waits for it then leaves it a processor.
         """
-        urgency = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0)
-        self._writer = threading.Thread(target=self._write_all, args=urgency, daemon=True)
+        policy, urgency = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
+        aside = policy, os.sched_param(min(urgency, ASIDE_PRIORITY))
+        self._writer = threading.Thread(target=self._write_all, args=aside, daemon=True)
         self._writer.start()
 
     def keep(self, tick: int) -> None:

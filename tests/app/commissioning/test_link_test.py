@@ -20,7 +20,7 @@ GOOD = ProbeFigures(
     pings=500, round_trips=(0.0013,) * 499, telemetry=600, overtaken=0, repeated=0, ticks=10_000, skipped=0,
     period=0.00088, lateness=1e-4, work=1.5e-4, lockstep=False,
 )  # fmt: skip
-GRANTED = GrantedRealTime(granted=True, scheduled=True, locked=True, pinned=True, notes=())
+GRANTED = GrantedRealTime(granted=True, scheduled=True, locked=True, pinned=True, awake=True, notes=())
 CHECKS = {
     "round_trip_p99", "round_trip_jitter", "pings_lost", "out_of_order", "missed_ticks", "lateness", "tick_work",
     "stolen_time", "receive_buffer", "real_time",
@@ -55,7 +55,7 @@ def test_a_good_link_holds() -> None:
         (report_of(GOOD._replace(work=5e-4)), {"tick_work"}, "'performance'"),
         (report_of(stolen=0.02), {"stolen_time"}, "a virtual machine on a busy host"),
         (report_of(buffer=212_992), {"receive_buffer"}, "sudo sysctl -w net.core.rmem_max=1048576"),
-        (report_of(granted=GrantedRealTime(granted=False, scheduled=False, locked=True, pinned=True,
+        (report_of(granted=GrantedRealTime(granted=False, scheduled=False, locked=True, pinned=True, awake=True,
                                            notes=("no SCHED_FIFO: run as root",))),
          {"real_time"}, "no SCHED_FIFO: run as root"),
     ],

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -48,6 +49,7 @@ def unprivileged(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(realtime, "_libc", deaf)
     monkeypatch.setattr("ctypes.get_errno", lambda: 12)
+    monkeypatch.setattr(realtime, "_LATENCY", "/nowhere/cpu_dma_latency")
 
 
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
@@ -66,11 +68,13 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
 def test_without_privileges_it_runs_and_says_what_is_missing_and_what_to_do(capfd: pytest.CaptureFixture[str]) -> None:
     with set_up_real_time(ControllerSettings(), lockstep=False) as granted:
         assert not granted.granted
-        assert (granted.scheduled, granted.locked, granted.pinned) == (False, False, True)
+        assert (granted.scheduled, granted.locked, granted.pinned, granted.awake) == (False, False, True, False)
     remedy = "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, or allow your account "
     assert granted.notes == (
         f"the memory of the controller is not locked: Cannot allocate memory: {remedy}'memlock unlimited' in "
         "/etc/security/limits.conf",
+        "the processors may fall asleep beside the controller: /nowhere/cpu_dma_latency: No such file or directory: "
+        "run as root on Linux, or allow your account that file by a rule of udev",
         f"the controller has no SCHED_FIFO 80: Operation not permitted: {remedy}'rtprio 95' in "
         "/etc/security/limits.conf",
     )
@@ -88,7 +92,7 @@ def test_never_on_a_lockstep_bus_nor_where_it_is_not_wanted(
     before, _new = gc.get_freeze_count(), [object() for _ in range(10)]
     with set_up_real_time(ControllerSettings(realtime=wanted), lockstep) as granted:
         assert gc.get_freeze_count() > before
-    assert granted == RealTime(scheduled=False, locked=False, pinned=False, notes=())
+    assert granted == RealTime(scheduled=False, locked=False, pinned=False, awake=False, notes=())
     assert seen == []
     assert capfd.readouterr().err == ""
 
@@ -119,9 +123,25 @@ def test_a_core_is_kept_for_the_block_alone() -> None:
     assert os.sched_getaffinity(0) == cores
 
 
+def test_processors_are_kept_awake_for_the_block_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    latency = tmp_path / "cpu_dma_latency"
+    latency.write_bytes(b"")
+    monkeypatch.setattr(realtime, "_LATENCY", str(latency))
+
+    def holds() -> bool:
+        return any(entry.exists() and entry.samefile(latency) for entry in Path("/proc/self/fd").iterdir())
+
+    with real_time("a test", 1) as granted:
+        assert holds()
+        assert latency.read_bytes() == bytes(4)
+    assert granted.awake
+    assert not holds()
+
+
 def test_a_system_without_any_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "other")
     monkeypatch.setattr(realtime, "_libc", lambda name: None)
+    monkeypatch.setattr(realtime, "_LATENCY", "/nowhere/cpu_dma_latency")
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
     with real_time("a test", 1, core=0) as granted:
@@ -129,6 +149,8 @@ def test_a_system_without_any_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     assert granted.notes == (
         "a test is not bound to core 0: other cannot bind a thread to a core: use Linux",
         "the memory of a test is not locked: other has no mlockall: use Linux",
+        "the processors may fall asleep beside a test: /nowhere/cpu_dma_latency: No such file or directory: run as "
+        "root on Linux, or allow your account that file by a rule of udev",
         "a test has no SCHED_FIFO 1: other has no SCHED_FIFO: use Linux",
     )
 

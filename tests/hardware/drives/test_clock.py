@@ -37,7 +37,9 @@ def time(monkeypatch: pytest.MonkeyPatch) -> Time:
 def test_ticks_begin_at_whole_periods_and_none_is_left_out(time: Time) -> None:
     ticks, first = TickClock(PERIOD), tick_now(PERIOD)
     for k in range(1, 1000):
+        due = ticks.due()
         began = ticks.next()
+        assert due <= began < due + 3e-6, "it is known before it is waited for"
         assert ticks.tick == first + k
         assert began == pytest.approx(ticks.tick * PERIOD, abs=3e-6)
         time.now += 0.9e-3  # what is done in a tick

@@ -11,6 +11,7 @@ from hardware.drives.ethercat.settings import ARMS, Device, EtherCatSettings
 from hardware.drives.settings import DriveSettings, JointSettings
 from hardware.interfaces import HardwareError
 from hardware.parameters import RobotParameters
+from hardware.sim.emulated.answer_times import AnswerTimes
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.emulated.ethercat import registers as reg
 from hardware.sim.emulated.ethercat.clock import SlaveClock
@@ -42,7 +43,12 @@ class EtherCatDevices:
     """
 
     def __init__(
-        self, settings: EtherCatSettings, drives: DriveSettings, robot: RobotParameters, interface: str | None
+        self,
+        settings: EtherCatSettings,
+        drives: DriveSettings,
+        robot: RobotParameters,
+        interface: str | None,
+        times: AnswerTimes | None = None,
     ) -> None:
         """``interface`` is the cable's end in this process's network; None: frames are handed in by ``pass_on``.
 
@@ -63,7 +69,7 @@ class EtherCatDevices:
         ]
         self.slaves = {device: chain[settings.place(device)] for device in settings.chain}
         self.segment = SlaveChain(chain)
-        self._period = drives.period
+        self._period, self.times = drives.period, times
         self._due: list[Slave] = []
         self._heard, self._complete = -1.0, False
         self._socket = None if interface is None else _open(interface)
@@ -96,8 +102,11 @@ class EtherCatDevices:
         with contextlib.suppress(BlockingIOError, OSError):  # nothing more, or the cable is pulled
             while True:
                 frame = bytearray(self._socket.recv(_LONGEST_FRAME))
+                asked = time.monotonic()
                 if self.pass_on(frame):
                     self._socket.send(frame)
+                    if self.times is not None:
+                        self.times.note(asked, time.monotonic())
                 self.settle()
 
     def act(self, now: float) -> MotorCommand:

@@ -9,6 +9,7 @@ from typing import Final
 
 from hardware.drives.moteus.registers import Register, analog
 from hardware.drives.moteus.settings import MoteusSettings, PinSettings
+from hardware.sim.emulated.answer_times import AnswerTimes
 from hardware.sim.emulated.moteus.adapter import EmulatedAdapter
 from hardware.sim.emulated.moteus.controller import EmulatedController
 from hardware.sim.emulated.plant_drives import MotorCommand, MotorState
@@ -26,10 +27,11 @@ _TOO_HOT, _TOO_LITTLE, _DRIVER_FAULT = 95.0, 11.0, 33
 class MoteusDevices:
     """``EmulatedDevices`` of one moteus bus; ``controllers`` are in the order of the settings' ids."""
 
-    def __init__(self, run_dir: Path, settings: MoteusSettings) -> None:
+    def __init__(self, run_dir: Path, settings: MoteusSettings, times: AnswerTimes | None = None) -> None:
         self.controllers = [EmulatedController(device) for device in settings.ids]
         by_id = {controller.device: controller for controller in self.controllers}
         self._adapter = EmulatedAdapter(run_dir / PORT, by_id)
+        self.times = times
         self._relay = None if settings.brakes is None else Relay(by_id[settings.brakes.id], settings.brakes)
         self._inputs = [(by_id[pin.id], analog(pin.aux, pin.pin)) for pin in settings.forces or ()]
         self._given: set[int] = set()
@@ -55,6 +57,8 @@ class MoteusDevices:
         """See ``EmulatedDevices``."""
         self.heard = time.monotonic()
         self._given |= self._adapter.serve(self.heard)
+        if self.times is not None:
+            self.times.note(self.heard, time.monotonic())
         if self._relay is not None:
             self._relay.look(self.heard)
 

@@ -34,7 +34,7 @@ NONE = Statistics(n=0, mean=0.0, p50=0.0, p99=0.0, max=0.0)
 
 def an_end(granted: bool, skipped: int = 5, p99: float = 250e-6, at_rest: bool = True) -> RunEnd:
     work = Statistics(n=9_994, mean=90e-6, p50=80e-6, p99=p99, max=600e-6)
-    given = GrantedRealTime(granted=granted, scheduled=granted, locked=True, pinned=True, notes=())
+    given = GrantedRealTime(granted=granted, scheduled=granted, locked=True, pinned=True, awake=True, notes=())
     pulse = RunStatistics(
         period=0.00088, lockstep=False, ticks=9_995, skipped=skipped, period_error=NONE, lateness=NONE, law=NONE,
         work=work, realtime=given,

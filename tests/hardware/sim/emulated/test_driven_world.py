@@ -27,6 +27,7 @@ class Silent:
     numbers = ()
     complete = False
     heard = 0.0
+    times = None
 
     def __init__(self) -> None:
         self.states: list[MotorState] = []
