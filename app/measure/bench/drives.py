@@ -51,7 +51,7 @@ def drives_bench(quick: bool, progress: Progress) -> BenchReport:
             share, granted = driver_share(kind, EXCHANGES[quick], progress)
             rows[f"{kind}_share"] = row(1e6 * share, "µs", SHARE_LIMIT[kind] if granted else None, "p99")
         else:
-            progress("the EtherCAT driver alone is measured by root only: others cannot enter the devices' network")
+            progress("only root can measure the EtherCAT driver by itself: others cannot enter the devices' network")
         rows |= in_motion(kind, DURATION[quick], progress)
     return BenchReport.of("drives", SEED, rows, "real")
 

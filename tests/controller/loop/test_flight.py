@@ -455,8 +455,11 @@ def test_what_is_no_flight_is_said(tmp_path: Path) -> None:
     with pytest.raises(FlightFileError, match=r"flight-1.npz cannot be read: No such file or directory: name a flight"):
         load_flight(path)
     path.write_bytes(b"nonsense")
-    with pytest.raises(FlightFileError, match=r"flight-1.npz is not a flight record \(File is not a zip file\): name "
-                                              r"a flight"):
+    with pytest.raises(
+        FlightFileError,
+        match=r"flight-1.npz is not a flight record \(File is not a zip file\): name "
+        r"a flight",
+    ):
         load_flight(path)
     np.savez(path, other=np.zeros(3))
     with pytest.raises(FlightFileError, match=r"is not a flight record \(.*flight.json.*\): name a flight-\*.npz file"):

@@ -472,9 +472,7 @@ def test_what_a_stop_that_nobody_carries_out_says(launch: Launch, watch: Callabl
     running = launch()
     listener = watch(running)
     running.kill()
-    sentence = (
-        r"127.0.0.1:\d+ has not answered STOP within 0.2 s: stop the arm by its own switch, then check whether"
-    )
+    sentence = r"127.0.0.1:\d+ has not answered STOP within 0.2 s: stop the arm by its own switch, then check whether"
     with pytest.raises(StopUnanswered, match=sentence):
         listener.stop(0.2)
 
