@@ -38,7 +38,7 @@ class Controller:
                 [*within, *TOUCHMOVE, "controller", "--rig", str(rig)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
             )  # fmt: skip
-        self.wait_for("ready: clients find it at")
+        self.wait_for("ready: clients connect to")
 
     def said(self) -> str:
         return self.log.read_text() if self.log.exists() else ""

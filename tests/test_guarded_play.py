@@ -92,7 +92,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     rig.write_text(
         f'[controller]\nport = {port}\n[drives]\nbus = "sim"\n[world]\npace = "fast"\nperson = "white"\nfen = "{FEN}"\n'
     )
-    program("controller", "--rig", str(rig)).until("ready: clients find it at")
+    program("controller", "--rig", str(rig)).until("ready: clients connect to")
     folder = tmp_path / "game"
     settings = tmp_path / "settings.toml"
     settings.write_text("[vision]\nguard = true\nguard_rate = 5.0\n[engine]\nnodes = 200\n")
@@ -102,7 +102,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     try:
         hand.perform(Move(start=xy("e2"), to=xy("e4")), Withdraw())
         hand.wait()
-        game.until("the board is clear: the arm may go on")  # and takes the pawn: long enough for another hand
+        game.until("the board is clear: the arm may continue")  # and takes the pawn: long enough for another hand
         # not waiting for the arm to finish: the move answers the one that it is making
         hand.perform(Move(start=xy("e1"), to=xy("f2")), Withdraw())
         hand.wait()
@@ -110,7 +110,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
         game.until("I played")
         game.until("White to move")
         assert game.said.count("a hand is over the board: the arm holds") >= 2
-        assert game.said.count("the board is clear: the arm may go on") >= 2
+        assert game.said.count("the board is clear: the arm may continue") >= 2
         # nobody looks while this one is made
         game.process.kill()
         hand.perform(Move(start=xy("f2"), to=xy("e3")), Withdraw())

@@ -50,9 +50,9 @@ def test_a_game_without_devices_is_left_and_taken_up(
         assert (status, report["result"]) == (0, "0-1")
         status, _, said = run(game, (), "resume", "--no-page", str(game))
         assert status == 2
-        assert f"is over, after {plies} plies: start a new one" in said
+        assert f"is over after {plies} plies: start a new one" in said
         return
-    assert f"'touchmove resume {game}' goes on with it" in said
+    assert f"'touchmove resume {game}' continues it" in said
     assert status == (0 if leave == "quit" else 1)
     status, report, _ = run(game, ("d4" if not plies else "Nf3", "resign"), "resume", "--no-page", str(game))
     assert (status, report["result"], report["plies"]) == (0, "0-1", plies + 2)
@@ -76,9 +76,9 @@ def test_a_terminal_that_ends_is_told_in_two_sentences(tmp_path: Path, closed: b
         os.close(ours)
     after = [line.strip() for line in said.read_text().split("your move >")[1].split("\n") if line.strip()]
     ended, onward = after[-2:]
-    assert ended.startswith("failed: nobody is at the keyboard any more")
-    assert onward == f"'touchmove resume {game}' goes on with it"
-    assert len(after) == 4, "and besides that the arm goes to rest, and what came of the game"
+    assert ended.startswith("failed: there is no input at the terminal any more")
+    assert onward == f"'touchmove resume {game}' continues it"
+    assert len(after) == 4, "and besides that the arm is coming to rest, and what came of the game"
 
 
 def test_what_is_no_text_is_answered_like_other_nonsense(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_game_that_waits_for_a_piece_is_left_and_taken_up(tmp_path: Path) -> N
     status, report, said = run(game, ("nonsense", "quit"), "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"]) == (0, "*")
     assert asked in said
-    assert "'nonsense' is no answer" in said
+    assert "'nonsense' is not an answer" in said
     back = ("hand move L3 b1", "done", "e4", "hand move b1 L3", "fix", "resign")
     status, report, said = run(game, back, "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"], report["plies"]) == (0, "0-1", 2), said[-2000:]

@@ -36,8 +36,8 @@ def test_an_interrupt_ends_everything_long_before_a_killed_program_would(demo, n
     assert time.monotonic() - asked < 20.0, "within 5 s on a machine with time to spare; 30 s if it lingered"
     assert status == 130
     assert err.strip() == (
-        "touchmove: interrupted; the arm rests and nothing that this program started is left running; "
-        f"'touchmove resume {run.folder}' goes on with it"
+        "touchmove: interrupted; the arm is at rest, and nothing that this program started is still running; "
+        f"'touchmove resume {run.folder}' continues it"
     )
     assert not run.helpers()
     end = run.world_end()
@@ -185,7 +185,7 @@ def test_a_full_disk_is_named_with_the_remedy(demo, tmp_path):
     ("arguments", "words"),
     [
         (("--pace", "slow"), ["'slow'", "real or fast"]),
-        (("--fen", "8/8/8/8/8/8/8/8 w - - 0 1"), ["no legal position", "king"]),
+        (("--fen", "8/8/8/8/8/8/8/8 w - - 0 1"), ["not a legal position", "king"]),
         (("--fen", "nonsense"), ["--fen", "nonsense"]),
         (("--moves", "e4 e5 Ke3"), ["Ke3", "3"]),
         (("--nodes", "100", "--white-elo", "1500"), ["--nodes", "--white-elo"]),

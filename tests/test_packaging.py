@@ -287,7 +287,7 @@ def test_a_failing_apt_is_named(debian: FakeDebian) -> None:
     status, said = debian.run("demo")
     assert status == 2
     assert "E: no network" in said
-    assert said.endswith("touchmove: apt-get could not install libegl1: mend what it says above, then start again\n")
+    assert said.endswith("touchmove: apt-get could not install libegl1: fix the error above, then start again\n")
 
 
 def test_a_failing_pip_is_named_and_leaves_no_stamp(debian: FakeDebian) -> None:
@@ -299,7 +299,7 @@ def test_a_failing_pip_is_named_and_leaves_no_stamp(debian: FakeDebian) -> None:
         status, said = debian.run("demo")
         assert status == 2
         assert said.splitlines()[-1] == (
-            "touchmove: pip could not install the Python packages: mend what it says above, then start again"
+            "touchmove: pip could not install the Python packages: fix the error above, then start again"
         )
 
 
@@ -317,7 +317,10 @@ def test_elsewhere_than_on_debian_the_user_is_told_what_must_be_there(debian: Fa
     (debian.bin / "dpkg-query").unlink()
     status, said = debian.run("demo")
     assert status == 0
-    assert "this is no Debian: Stockfish, EGL with a software driver (Mesa) and libusb 1.0 must be here already" in said
+    assert (
+        "this is not Debian: Stockfish, EGL with a software driver (Mesa) and libusb 1.0 must already be installed"
+        in said
+    )
 
 
 def test_a_wrong_word_is_usage(debian: FakeDebian) -> None:

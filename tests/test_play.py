@@ -150,7 +150,7 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--rig", "board"), "takes a camera, and this rig has none"),
+        (("--rig", "board"), "needs a camera, and this rig has none"),
         (("--fen", chess.STARTING_FEN), "--fen has no effect here"),
     ],
 )

@@ -39,4 +39,4 @@ def test_an_interrupted_game_is_resumed_from_the_worlds_last_state(demo) -> None
     # a game that is over stays over
     status, _, err = Run(["resume", str(run.folder), "--headless"], run.folder).wait()
     assert status == 2
-    assert err.strip().endswith("is over, after 3 plies: start a new one")
+    assert err.strip().endswith("is over after 3 plies: start a new one")

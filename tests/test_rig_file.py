@@ -62,7 +62,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
     # a restarted controller goes on with the world that its forerunner left
     controller.end(signal.SIGKILL)
     again = by_hand(rig)
-    assert "a simulated world runs already" in again.said()
+    assert "a simulated world is already running" in again.said()
     assert touchmove("controller", "hold", "--rig", str(rig))[0] == 0
     code, _, err = touchmove("demo", "--rig", str(rig), "--out", str(tmp_path / "held"), "--moves", "e4", "--headless")
     assert code == 2

@@ -107,7 +107,7 @@ def test_a_stop_at_the_command_line_ends_a_demo_that_nobody_watches_and_resume_g
     assert status == 1
     report = json.loads(out)
     assert "somebody pressed STOP" in report["failures"][0]["reason"]
-    assert f"'touchmove resume {run.folder}' goes on with it" in err
+    assert f"'touchmove resume {run.folder}' continues it" in err
     assert run.world_end()["at_rest"]
     assert not run.helpers()
     done = subprocess.run(

@@ -101,7 +101,8 @@ class CalibrateReport(Frozen):
             tilt, yaw = math.degrees(found.board.tilt), math.degrees(found.board.yaw)
             lines.append(
                 f"board: centre at ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm in the base frame, turned by {yaw:z.2f}°, "
-                f"tilted by {tilt:z.2f}°" + ("" if found.board.by_corners else "; place and turn are the settings'")
+                f"tilted by {tilt:z.2f}°"
+                + ("" if found.board.by_corners else "; position and rotation come from the settings")
             )
         return [*lines, f"written to {self.file}"]
 
@@ -176,12 +177,13 @@ def _require_good(found: Calibration) -> None:
         raise CalibrationFailed(
             f"the points disagree by {1e3 * found.mean_residual:.1f} mm on average, at most "
             f"{1e3 * MOST_RESIDUAL:.1f} mm are accepted: "
-            "screw camera and marker down, and see that the robot's parameters are its own"
+            "tighten camera and marker, and check that the parameters belong to this robot"
         )
     if found.worst_error > MOST_EXPECTED:
         raise CalibrationFailed(
             f"the camera would see the board with an error of {1e3 * found.worst_error:.1f} mm, at most "
-            f"{1e3 * MOST_EXPECTED:.1f} mm are accepted: see that the marker is sharp, well lit and in sight everywhere"
+            f"{1e3 * MOST_EXPECTED:.1f} mm are accepted: check that the marker is sharp, well lit and visible "
+            "everywhere"
         )
 
 

@@ -89,7 +89,7 @@ def check_bus(bus: ServoBus, parameters: RobotParameters, table: TableSettings) 
         _judge_watchdog(drives, bus, parameters)
         gripper = _judge_gripper(heard, parameters)
     except BusLost as error:
-        drives.wrong("connection", str(error), "see to their power and cables, then check again")
+        drives.wrong("connection", str(error), "check their power and cables, then try again")
         return drives.findings
     return drives.findings + gripper
 
@@ -129,7 +129,7 @@ def _judge_time(drives: Judge, bus: ServoBus, heard: Heard) -> None:
     lost = 1.0 - (len(heard.ticks) - 1) / passed
     drives.judge(
         "missed ticks", f"{100.0 * lost:.2f} %", lost <= LOST_TICKS,
-        "end other programs on this PC; 'touchmove link-test' says more",
+        "end other programs on this PC; 'touchmove link-test' tells you more",
     )  # fmt: skip
 
 
@@ -138,26 +138,26 @@ def _judge_status(drives: Judge, heard: Heard) -> None:
     on_brakes = bool(status & DriveStatus.BRAKED) and not status & (DriveStatus.FAULT | DriveStatus.ENABLED)
     drives.judge(
         "status", status_words(status), on_brakes,
-        "read the fault on the amplifiers' displays; not enabled they must stand on their brakes",
+        "read the fault on the amplifiers' displays; while disabled, they must be on their brakes",
     )  # fmt: skip
 
 
 def _judge_encoders(drives: Judge, heard: Heard, parameters: RobotParameters) -> None:
     if not np.isfinite(heard.angle).all() or not np.isfinite(heard.velocity).all():
-        drives.wrong("encoders", "they say something that is no number", "see to the encoders' cables")
+        drives.wrong("encoders", "their readings are not numbers", "check the encoders' cables")
         return
     window = np.full(_WINDOW, 1.0 / _WINDOW)
     fastest = max(float(np.abs(np.convolve(one, window, "valid")).max()) for one in heard.velocity.T)
     drives.judge(
         "brakes", f"servomotors move by up to {fastest:.4f} rad/s", fastest <= STILL,
-        "the brakes do not hold, or a person moves the arm: see to the brakes before anything else",
+        "the brakes do not hold, or a person moves the arm: check the brakes before anything else",
     )  # fmt: skip
     # from tick to tick, since brakes may give slowly
     jumps = float(np.diff(heard.angle, axis=0).std(axis=0).max()) / np.sqrt(2.0)
     counts = jumps * 2.0**parameters.drive.encoder_bits / (2.0 * np.pi)
     drives.judge(
         "encoders", f"noise {counts:.1f} counts of {parameters.drive.encoder_bits} bit", counts <= NOISE_COUNTS,
-        "see to shield and earth of the encoders' cables",
+        "check shield and earth of the encoders' cables",
     )  # fmt: skip
 
 
@@ -165,9 +165,9 @@ def _judge_pose(drives: Judge, heard: Heard, parameters: RobotParameters, table:
     law = TaskSpaceController(DeltaModel(parameters))
     a, b, c = heard.angle.mean(axis=0).tolist()
     said = f"servomotors at {np.degrees(a):.1f}°, {np.degrees(b):.1f}°, {np.degrees(c):.1f}°"
-    advice = "set the encoders' zero where each proximal link is horizontal, and their sense so that down is positive"
+    advice = "set the encoders' zero where each proximal link is horizontal, and their sign so that down is positive"
     if law.update((a, b, c), (0.0, 0.0, 0.0)) != 0:
-        drives.wrong("pose", f"{said}: no tool point belongs to them", advice)
+        drives.wrong("pose", f"{said}: no tool point exists for them", advice)
         return
     x, y, height = table.board_from_base(law.state.position).tolist()
     drives.judge(
@@ -184,19 +184,19 @@ def _judge_watchdog(drives: Judge, bus: ServoBus, parameters: RobotParameters) -
     powered = _switch(bus, _POWERED, on=True)
     if not powered.status & DriveStatus.ENABLED:
         bus.exchange(_REST)
-        drives.wrong("watchdog", "the amplifiers do not switch on", "see to their enable line and emergency stop")
+        drives.wrong("watchdog", "the amplifiers do not switch on", "check their enable line and emergency stop")
         return
     limit = parameters.drive.watchdog_ticks * bus.period
     advice = (
         f"the drives must brake by themselves {1e3 * limit:.0f} ms after the last command: nothing above them does it"
     )
     if not _bites(bus, SILENCE * limit):
-        drives.wrong("watchdog", f"it does not bite within {1e3 * SILENCE * limit:.0f} ms of silence", advice)
+        drives.wrong("watchdog", f"it does not trip within {1e3 * SILENCE * limit:.0f} ms of silence", advice)
     else:
         bears, bites = _bite_time(bus, 2.0 * limit)
         drives.judge(
             "watchdog",
-            f"bites after {1e3 * bears:.0f} to {1e3 * bites:.0f} ms of silence, {1e3 * limit:.0f} ms stated",
+            f"trips after {1e3 * bears:.0f} to {1e3 * bites:.0f} ms of silence, {1e3 * limit:.0f} ms stated",
             bites <= 2.0 * limit and bears > 0.0, advice,
         )  # fmt: skip
     _judge_disable(drives, bus)
@@ -242,7 +242,7 @@ def _judge_disable(drives: Judge, bus: ServoBus) -> None:
     drives.judge(
         "switching off", status_words(off.status),
         bool(off.status & DriveStatus.BRAKED) and not off.status & DriveStatus.ENABLED,
-        "a drive that is disabled must close its brake: see to the brakes' relay",
+        "a drive that is disabled must close its brake: check the brakes' relay",
     )  # fmt: skip
 
 
@@ -251,7 +251,7 @@ def _judge_gripper(heard: Heard, parameters: RobotParameters) -> list[Finding]:
     gripper.judge(
         "fingers", f"{1e3 * finger:.1f} mm from the middle, stroke {1e3 * stroke:.0f} mm",
         -FINGER_TOLERANCE <= finger <= stroke + FINGER_TOLERANCE,
-        "find the gripper's zero again: both pads touch where it says 0",
+        "find the gripper's zero again: both pads touch where it reads 0",
     )  # fmt: skip
     mean, noise = heard.tactile.mean(axis=0), heard.tactile.std(axis=0)
     holding = min(mean) > TACTILE_OFFSET
@@ -263,13 +263,13 @@ def _judge_gripper(heard: Heard, parameters: RobotParameters) -> list[Finding]:
         gripper.judge(
             what, f"{offset:.2f} N ± {spread:.2f} N, holding nothing",
             abs(offset) <= TACTILE_OFFSET and spread <= TACTILE_NOISE,
-            "take everything out of the fingers and set the sensor's zero; see to its cable if it is noisy",
+            "take everything out of the fingers and set the sensor's zero; check its cable if it is noisy",
         )  # fmt: skip
     dead = heard.tactile.min(axis=0) == heard.tactile.max(axis=0)
     if dead.any() and not dead.all():  # both: there are none, or the simulation is ideal
         side = "right" if dead[0] else "left"
         gripper.wrong(
             f"{side} sensor", f"says {mean[0 if dead[0] else 1]:.2f} N in every tick; the other one flickers",
-            "it is dead: see to its cable and amplifier",
+            "it is dead: check its cable and amplifier",
         )  # fmt: skip
     return gripper.findings

@@ -95,7 +95,7 @@ def _check_robot(rig: RigFile) -> tuple[list[Finding], RobotParameters | None]:
     try:
         found = require_fit(DeltaModel(parameters, heaviest), rig.table)
     except BoardDoesNotFit as error:
-        robot.wrong("reach", str(error), "see 'touchmove figures workspace'")
+        robot.wrong("reach", str(error), "run 'touchmove figures workspace'")
     else:
         robot.good("reach", f"all {len(found.places)} places, condition of J_c at most {found.condition.max():.1f}")
     return robot.findings, parameters
@@ -104,7 +104,7 @@ def _check_robot(rig: RigFile) -> tuple[list[Finding], RobotParameters | None]:
 def _check_key(rig: RigFile) -> list[Finding]:
     judge, key = Judge("key"), rig.controller.key
     if not key.exists():
-        judge.left_out(key.name, "not there yet: the controller makes it at its first start")
+        judge.left_out(key.name, "not there yet: the controller creates it when it first starts")
         return judge.findings
     shared = bool(key.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO))
     judge.judge(key.name, "others can read it" if shared else "its owner's alone", not shared, f"chmod 600 {key}")
@@ -123,7 +123,7 @@ def _check_drives(
         else:
             host, port, _key = rig.address()
             held = f"a controller at {host}:{port} holds them: {telemetry.state.name}"
-            judge.left_out("all", f"{held}; end it to try them alone")
+            judge.left_out("all", f"{held}; end it to test them separately")
             return judge.findings
     try:
         with drives_of(rig, progress) as drives:
@@ -133,7 +133,7 @@ def _check_drives(
                 seen = _check_camera(rig)
             return judge.findings + check_drives(drives.open, parameters, rig.table, rig.controller) + seen
     except (UserError, HardwareError) as error:
-        judge.wrong("connection", str(error), "put right what it says, then check again")
+        judge.wrong("connection", str(error), "fix what it says, then check again")
         return judge.findings
 
 
@@ -142,7 +142,7 @@ def _check_camera(rig: RigFile) -> list[Finding]:
     try:
         camera = open_board_camera(rig, WallClock())
     except HardwareError as error:
-        judge.wrong("connection", str(error), "put right what it says, then check again")
+        judge.wrong("connection", str(error), "fix what it says, then check again")
         return judge.findings
     if camera is None:
         judge.left_out("all", "the rig file has no [camera]")
@@ -175,7 +175,7 @@ def check_camera(camera: Camera) -> list[Finding]:
         for _ in range(FRAMES):
             frames.append(camera.read(MOST_AGE))
     except HardwareError as error:
-        judge.wrong("pictures", str(error), "see to its cable, then check again")
+        judge.wrong("pictures", str(error), "check its cable, then try again")
         return judge.findings
     rate = FRAMES / (time.perf_counter() - since)
     last = frames[-1]
@@ -208,8 +208,8 @@ def _judge_light(judge: Judge, frame: Frame) -> None:
     advice = "more light, or a longer exposure" if mean < DARK else "less light, or a shorter exposure"
     judge.judge("brightness", f"{mean:.0f} of 255", DARK <= mean <= BRIGHT, advice)
     judge.judge(
-        "contrast", f"{100.0 * lost:.1f} % of the pixels are black or white through and through", lost <= BLOWN,
-        "turn the lamp so that nothing shines, and choose the exposure for the board",
+        "contrast", f"{100.0 * lost:.1f} % of the pixels are completely black or white", lost <= BLOWN,
+        "turn the lamp so that nothing glares, and set the exposure for the board",
     )  # fmt: skip
     sharpness = float(cv2.Laplacian(grey, cv2.CV_64F).var())
     judge.judge("sharpness", f"{sharpness:.0f}", sharpness >= SHARP, "clean the lens and set its focus on the board")
@@ -217,7 +217,7 @@ def _judge_light(judge: Judge, frame: Frame) -> None:
 
 def _judge_depth(judge: Judge, frame: Frame) -> None:
     if frame.depth is None:
-        judge.left_out("depth", "this camera has none: the game sees by colour alone")
+        judge.left_out("depth", "this camera has none: the game sees only colour")
         return
     measured = frame.depth[frame.depth > 0.0]
     share = measured.size / frame.depth.size

@@ -64,19 +64,19 @@ class IdentifyReport(Frozen):
         """One screen for people."""
         rows = [
             (one.name, one.unit, f"{one.believed:.5g}", f"{one.value:.5g}", _band(one),
-             judged("told" if one.told else "not told: as believed", one.told or None))
+             judged("told" if one.told else "not determined: as before", one.told or None))
             for one in self.values
         ]  # fmt: skip
         columns = ("", "unit", ">believed", ">found", ">± (95 %)", "")
-        title = f"rig {self.rig}: what {self.duration:.0f} s of motion told"
+        title = f"rig {self.rig}: what {self.duration:.0f} s of motion showed"
         return Group(
             rows_table(columns, rows, title),
-            f"torques not explained: {_triple(self.residual, 1e3)} mN m; as believed before: "
+            f"unexplained torques: {_triple(self.residual, 1e3)} mN m; with the previous parameters: "
             f"{_triple(self.residual_before, 1e3)} mN m",
             f"ripple {_triple(self.ripple, 100.0)} %, cogging {_triple(self.cogging, 1e3)} mN m, torques "
             f"{1e3 * abs(self.delay):.2f} ms {'late' if self.delay > 0.0 else 'early'}; condition number "
             f"{self.condition:.1f}",
-            f"written to {self.file}: name it as 'parameters' in the rig file, and start the controller again",
+            f"written to {self.file}: name it as 'parameters' in the rig file, and restart the controller",
         )
 
 
@@ -115,7 +115,7 @@ def identify_rig(
             record, excitation = survey(devices, client, parameters, rig.table, rig.run_dir, progress, meter)
     except (HardwareError, ControllerError) as error:
         raise UserError(str(error)) from error
-    progress("finding what it weighs")
+    progress("estimating masses and friction")
     return identify(record, parameters, pole_pairs or None), excitation
 
 

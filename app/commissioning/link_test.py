@@ -115,7 +115,7 @@ def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> Lin
         with timed_rig(SEED, progress) as timed:
             timed.rig.client.close()  # another client comes; from here this one only waits for the end
             checks = _checks_of(timed.file, duration, progress)
-            progress("the arm goes to its brakes")
+            progress("the arm goes onto its brakes")
             granted = timed.finish().statistics.realtime
         checks, notes = checks | real_time_check(granted), granted.notes
     holds = all(check.holds for check in checks.values())
@@ -130,7 +130,7 @@ def _checks_of(rig: RigFile, duration: float, progress: Callable[[str], None]) -
     """
     try:
         host, port, key = rig.address()
-        progress(f"measuring the way to {host}:{port} for {duration:g} s")
+        progress(f"measuring the link to {host}:{port} for {duration:g} s")
         before = ProcessorTime.now()
         with Probe(host, port, key) as probe:
             probe.greet()
@@ -151,12 +151,12 @@ def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: boo
     disorder = (figures.overtaken + figures.repeated) / max(1, figures.telemetry)
     missed = figures.skipped / max(1, figures.ticks)
     busy = "end other programs on the controller's PC, give it real time, and set its processor to 'performance'"
-    network = busy if local else "use a cable instead of Wi-Fi, and a switch that carries nothing else"
+    network = busy if local else "use a cable instead of Wi-Fi, and a switch without other traffic"
     return {
         "round_trip_p99": _at_most(float(p99), "ms", ROUND_TRIP, network),
         "round_trip_jitter": _at_most(float(p99 - median), "ms", JITTER, network),
         "pings_lost": _at_most(100.0 * figures.lost, "%", LOST, network),
-        "out_of_order": _at_most(100.0 * disorder, "%", OVERTAKEN, "let all datagrams take one way: no bonded links"),
+        "out_of_order": _at_most(100.0 * disorder, "%", OVERTAKEN, "send all datagrams over one path: no bonded links"),
         "missed_ticks": _at_most(100.0 * missed, "%", MISSED, busy),
         "lateness": _at_most(1e3 * figures.lateness, "ms", HALF_TICK, busy),
         "tick_work": _at_most(1e3 * figures.work, "ms", HALF_TICK, busy),
@@ -171,7 +171,7 @@ def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: boo
 
 def real_time_check(granted: GrantedRealTime) -> dict[str, LinkCheck]:
     """One check: whether the operating system gave the controller what it asked for."""
-    advice = "; ".join(granted.notes) or "switch real time on in the controller's settings"
+    advice = "; ".join(granted.notes) or "switch on real time in the controller's settings"
     return {"real_time": _at_least(float(granted.granted), "granted", 1.0, advice)}
 
 

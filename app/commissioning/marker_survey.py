@@ -52,7 +52,7 @@ class Setup:
         """
         if self.parameters.marker is None:
             raise CalibrationFailed(
-                "the robot's parameters have no [marker]: put one on the tool and write down its place "
+                "the robot's parameters have no [marker]: put one on the tool and add its position "
                 "(docs/calibration.md)"
             )
         return self.parameters.marker
@@ -122,7 +122,7 @@ def show(rig: Rig, setup: Setup, progress: Progress) -> list[MarkerObservation]:
         seen = find_marker(frame.colour, marker.number)
         sightings.append(MarkerObservation(position + np.array(marker.centre), seen, _depth(frame, seen)))
         if seen is None:
-            progress(f"point {number} of {len(points)}: the marker is not in sight")
+            progress(f"point {number} of {len(points)}: the marker is not visible")
     _go(rig, setup, np.array(setup.motion.home), "home")
     return sightings
 
@@ -145,7 +145,7 @@ def fresh_frame(rig: Rig, camera: Camera) -> Frame:
         if frame.stamp >= since:
             return frame
         if rig.clock.now() > deadline:
-            raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
+            raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: check its cable")
         rig.clock.sleep(0.01)
 
 

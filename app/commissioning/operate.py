@@ -71,7 +71,7 @@ def status_table(telemetry: Telemetry) -> Table:
     table.add_row("pads feel", f"{telemetry.tactile[0]:.2f} N right, {telemetry.tactile[1]:.2f} N left")
     table.add_row("torques", ", ".join(f"{torque:.2f}" for torque in telemetry.torque) + " N m")
     table.add_row("drives", (telemetry.drive_status.name or "OK").replace("|", ", ").lower())
-    table.add_row("tick", f"{telemetry.tick}, {telemetry.skipped} went by without an exchange")
+    table.add_row("tick", f"{telemetry.tick}, {telemetry.skipped} passed without an exchange")
     table.add_row("work of a tick", f"up to {telemetry.work * 1e6:.0f} µs in the last second")
     return table
 

@@ -56,7 +56,7 @@ def find_view(frame: Frame, board: chess.Board | None, table: TableSettings, vie
             turned = None if board is None else orient(frame.colour, corners, board)
             if turned is None or not turned.sure:
                 raise CannotSee(
-                    "the pieces do not tell which side of the board is White's: set the position up, or calibrate the "
+                    "the pieces do not show which side of the board is White's: set up the position, or calibrate the "
                     "camera with 'touchmove calibrate'"
                 )
             corners = turned.corners

@@ -182,7 +182,7 @@ class Carrier:
                 pauses += 1
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
-                self._ui.phase(f"going on after a pause: {pause}")
+                self._ui.phase(f"continuing after a pause: {pause}")
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
@@ -263,7 +263,7 @@ class Carrier:
         """
         state = self._devices.arm.state()
         if state.gave_way:
-            self._ui.phase("the arm was pushed, and gave way: it goes home")
+            self._ui.phase("the arm was pushed and gave way: it goes home")
             self._devices.arm.resume()
         if math.dist(state.reference, self._motion.home) > AT_HOME:
             self._go_home(inventory, None)
@@ -362,8 +362,8 @@ class Carrier:
             except ArmPaused as pause:
                 pauses += 1
                 self.permission.require_own_hold(pause)
-                self._ui.phase(f"going on after a pause: {pause}")
-        raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
+                self._ui.phase(f"continuing after a pause: {pause}")
+        raise UserError("the arm could not go home: this computer is late again and again; run 'touchmove link-test'")
 
 
 def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
@@ -373,7 +373,7 @@ def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
 
 def _explain(job: Job, progress: Progress) -> str:
     if progress.done == len(job.transfers):
-        return f"{job.label} was all but done: the arm goes home"
+        return f"{job.label} was almost done: the arm goes home"
     piece = job.transfers[progress.done]
     where = "is in the fingers" if progress.holding else f"stands on {piece.source}"
-    return f"going on with {job.label}: the {piece.kind} for {piece.target} {where}"
+    return f"continuing with {job.label}: the {piece.kind} for {piece.target} {where}"

@@ -141,7 +141,7 @@ class Clearing:
             if stands.find(name).place in heap.fallen:
                 continue
             self._parted.add(name)
-            step = self._aside(name, heap.misplaced, stands, "goes away from what leans there")
+            step = self._aside(name, heap.misplaced, stands, "moves away from what leans there")
             if step is not None:
                 return step
         return any(self._stir(spot, heap, stands) for spot in heap.spots)
@@ -158,7 +158,7 @@ class Clearing:
         except BoardTouched:
             return True
         self._stirred += 1
-        sentence = "something lies so that the arm cannot take it: the arm pushes it"
+        sentence = "something lies where the arm cannot grasp it: the arm pushes it"
         self._ui.say(sentence)
         self._record.found(stands, sentence, self._clock.now())
         self._observer.forget_likeness()

@@ -89,7 +89,7 @@ def unaided(
         for one in found
         if one.piece.name not in there
     )
-    return Repair(believed, transfers, "the arm carries what it has found to where it belongs")
+    return Repair(believed, transfers, "the arm carries the pieces it has found to their places")
 
 
 def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:

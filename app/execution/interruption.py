@@ -29,7 +29,7 @@ class PieceLost(UserError):
 
     def __init__(self, transfer: Transfer) -> None:
         super().__init__(
-            f"the arm lost the {transfer.colour} {transfer.kind} on its way from {transfer.source} to "
+            f"the arm lost the {transfer.colour} {transfer.kind} on the way from {transfer.source} to "
             f"{transfer.target}: set it on {transfer.source} by hand and start a new game from there"
         )
 

@@ -113,7 +113,9 @@ class GameObserver:
         """
         frames = [self.frame() for _ in range(LOOKS)]
         if not self.deep:
-            raise CannotSee("the camera has no depth, by which pieces are told: give the position with --fen instead")
+            raise CannotSee(
+                "the camera has no depth, which is needed to identify pieces: give the position with --fen instead"
+            )
         return recognise(frames, find_view(frames[0], None, self._table, self._believed(frames[0].intrinsics)), held)
 
     @property
@@ -154,7 +156,7 @@ class GameObserver:
                 self._last = frame
                 return frame
             if self._clock.now() > since + PATIENCE:
-                raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
+                raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: check its cable")
             self._clock.sleep(0.01)
 
     @property

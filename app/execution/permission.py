@@ -13,8 +13,8 @@ from app.terminal.interface import UserInterface
 
 MOST_YIELDS: Final = 3
 """Within one job the arm gives way; what is in its way more often is no hand that passes."""
-WENT_ON: Final = "somebody pressed STOP; the arm went on when it was told to"
-STAYED: Final = "somebody pressed STOP, and nobody told the arm to go on"
+WENT_ON: Final = "somebody pressed STOP; the arm continued when it was told to"
+STAYED: Final = "somebody pressed STOP, and nobody told the arm to continue"
 """What the record says of a STOP."""
 
 

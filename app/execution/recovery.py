@@ -171,7 +171,7 @@ class Recovery:
         self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:
             rest = rearrange(stands, wanted)
-            return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
+            return (), alone or (Repair(stands, rest, "the arm continues") if rest else None)
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             if not self.observer.deep:  # what looks fallen to colours alone may well stand
@@ -192,10 +192,10 @@ class Recovery:
         places = {**found.places, **self._places(stands, step.believed, misplaced)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
-            return Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
+            return Ask(f"{_sentence(found.faults)}: put it right", squares_of(found.faults))
         towards = repair_towards(step.believed, wanted, replace(found, places=places))
         if isinstance(towards, Repair) and not (towards.transfers or towards.rest or changed(stands, towards.believed)):
-            return Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
+            return Ask(f"{_sentence(found.faults)}: put it right", squares_of(found.faults))
         return towards
 
     def _by_sight(
@@ -277,7 +277,7 @@ class Recovery:
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
         self._ui.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
-        self._record.found(step.believed, _sentence(faults) or "not all is carried yet", now)
+        self._record.found(step.believed, _sentence(faults) or "not everything is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         self.observer.forget_likeness()
         try:
@@ -310,8 +310,8 @@ class Recovery:
         if self._asked >= FRUITLESS and seen:
             sentence = (
                 f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'keep', "
-                "and we go on with the board as it stands; 'quit', and 'touchmove resume' goes on once all is right; "
-                "or 'new', and the arm sets up another game"
+                "and we continue with the board as it stands; 'quit', and 'touchmove resume' continues once "
+                "everything is right; or 'new', and the arm sets up another game"
             )
         self._asked += 1
         told = self._asker.mend(sentence, squares, stands)
@@ -342,7 +342,7 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
     if rounds >= MOST_ROUNDS:
         raise UserError(
             f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by hand, "
-            "then go on with 'touchmove resume'"
+            "then continue with 'touchmove resume'"
         )
     return rounds + 1
 

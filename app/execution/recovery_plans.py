@@ -132,7 +132,7 @@ def plan_making_way(
     table, piece = inventory.table, inventory.find(blocks)
     itself = next((one for one in misplaced if one.piece.name == blocks), None)
     if itself is not None and itself.lies:
-        raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
+        raise PlanRefused(f"{blocks}, which is in the way, has fallen over too: take it off the board")
     seen = None if itself is None else (itself.pose.x, itself.pose.y)
     misplaced = [one for one in misplaced if one is not itself]
     gone = {one.piece.name for one in misplaced}
@@ -155,7 +155,9 @@ def plan_making_way(
                 return transfer, planner.ply(label, [transfer], rest, loose=loose_pieces(misplaced))
             except PlanRefused as error:
                 refused = refused or error
-    raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
+    raise refused or PlanRefused(
+        f"there is no free place for {blocks}, which is in the way: take a piece off the board"
+    )
 
 
 def plan_pushing(
@@ -216,7 +218,7 @@ def plan_stirring(
 
     nudge = find_nudge((_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table)
     if nudge is None:
-        raise PlanRefused("the fingers do not get at what leans there: lay it flat")
+        raise PlanRefused("the fingers cannot reach what leans there: lay it flat")
     return plan_nudge(planner, nudge, scene)
 
 

@@ -233,7 +233,7 @@ class Table:
         """The arm does a job to its end that it was stopped in and nobody goes on with; False as of ``arm_ply``."""
         if not self._carrier.midway:
             return True
-        self._ui.say("first the arm finishes what it has begun")
+        self._ui.say("the arm first finishes what it has begun")
         self._unfinished, self.inventory = self._record.unfinished, self._record.stands(self.inventory)
         return self._finish()
 
@@ -298,7 +298,7 @@ class Table:
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
-            self._record.found(carried.inventory, "a repair was broken off", self.now())
+            self._record.found(carried.inventory, "a repair was interrupted", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
             wanted = self.inventory.after_all(rest)
             carried = self._carry(Job("put the board right", rest), wanted, None, self._left_with(goal))

@@ -157,7 +157,7 @@ class ChessClock(FrozenFinite):
             ClockError: so many were not made.
         """
         if not 0 <= plies <= len(self.moves):
-            raise ClockError(f"{plies} plies cannot be taken back: {len(self.moves)} were played by this clock")
+            raise ClockError(f"{plies} plies cannot be taken back: this clock has only {len(self.moves)}")
         kept, gone = self.moves[: len(self.moves) - plies], self.moves[len(self.moves) - plies :]
         left = {("white_left" if move.white else "black_left"): move.before for move in reversed(gone)}
         idle = {"mover": None, "used": 0.0, "arm": 0.0, "is_decided": False, "since": None}
@@ -192,7 +192,7 @@ class ChessClock(FrozenFinite):
             return None
         reason = f"{side_name(colour)}'s time has run out"
         if board.has_insufficient_material(not colour):
-            return FlagFall(colour, "1/2-1/2", f"{reason}, and {side_name(not colour)} has not enough to mate")
+            return FlagFall(colour, "1/2-1/2", f"{reason}, and {side_name(not colour)} has too little material to mate")
         return FlagFall(colour, "0-1" if colour == chess.WHITE else "1-0", reason)
 
     def limit(self, colour: chess.Color, now: float, arm: float = 0.0) -> chess.engine.Limit:

@@ -151,7 +151,7 @@ class Game:
                 self._ui.device("engine", False, f"{name}: {problem}")
                 if self._human is None:
                     raise
-                self._human.wait(f"{problem}; say 'go' when I may ask again")
+                self._human.wait(f"{problem}; say 'go' when I may ask it again")
         self._ui.device("engine", True, f"{name} answers")
         for trouble in decision.troubles:
             self._ui.phase(f"the engine was started again: {trouble}")
@@ -194,7 +194,7 @@ def require_empty_fingers(felt: float) -> None:
     """
     if felt >= FELT:
         raise UserError(
-            "something is between the fingers: take it out by hand, or go on with its game by 'touchmove resume'"
+            "something is between the fingers: take it out by hand, or continue its game with 'touchmove resume'"
         )
 
 

@@ -169,12 +169,12 @@ class HumanTurn:
     def _keep(self) -> GameEnd | None:
         if self._table.observer is not None:
             return KEPT
-        self._ui.say("nobody sees this board: begin with another position by 'touchmove play --fen'")
+        self._ui.say("no camera sees this board: start from another position with 'touchmove play --fen'")
         return None
 
     def _pause(self) -> GameEnd | None:
         self._timing.pause()
-        self._ui.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
+        self._ui.say("the clocks are stopped; say 'go' to continue, or 'quit' to leave")
         self._questions.answer("go on?", (Word.GO.value,), self._table.board)
         self._timing.start(self._colour)
         return None
@@ -183,7 +183,7 @@ class HumanTurn:
         stopped = self._table.permission.stopped
         if stopped:
             self._table.permission.go_on()
-        self._ui.say("the arm may move again" if stopped else "nothing waits: it is your move")
+        self._ui.say("the arm may move again" if stopped else "nothing is paused: it is your move")
 
     def _change_sides(self) -> None:
         self._timing.pause()
@@ -237,7 +237,7 @@ class HumanTurn:
         (move,) = seen.decision.moves
         if seen.decision.promotion_unsure:
             move = chess.Move(move.from_square, move.to_square, self._promotion(None))
-        self._ui.say("the board was not watched for a while")
+        self._ui.say("nobody watched the board for a while")
         return self._ask_move(move, None, self._timing.now(), seen, "this looks like {}: was that your move?")
 
     def _play(self, move: chess.Move) -> GameEnd | None:
@@ -292,7 +292,7 @@ class HumanTurn:
         if finding.situation is not Situation.NOTHING:
             self._complain(finding)
         elif not self._complain_of_faults(centres=True):
-            self._ui.say("I am not sure of what I see: make your move, or say 'fix' and the arm looks the board over")
+            self._ui.say("I am not sure what I see: make your move, or say 'fix' and the arm checks the board")
         return None
 
     def _complain(self, finding: Diagnosis) -> None:
@@ -341,7 +341,7 @@ class HumanTurn:
             question.format(self._table.board.san(move)), self._table.board, squares
         ):
             return self._accept(move, then, reading)
-        self._ui.say("then put the pieces back as they were, or type the move that you have made")
+        self._ui.say("then put the pieces back as they were, or type the move you have made")
         return None
 
     def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:

@@ -51,7 +51,7 @@ class NeedsHand(UserError):
     """Something has to be put right by hand, and nobody is there to do it."""
 
     def __init__(self, sentence: str) -> None:
-        super().__init__(f"{sentence}: put it right by hand, then go on with 'touchmove resume'")
+        super().__init__(f"{sentence}: put it right by hand, then continue with 'touchmove resume'")
 
 
 class NeedsGo(UserError):
@@ -59,7 +59,8 @@ class NeedsGo(UserError):
 
     def __init__(self, sentence: str) -> None:
         super().__init__(
-            f"{sentence}; nobody is there who could: see to it that it may, then go on with 'touchmove resume'"
+            f"{sentence}; nobody is there to say so: make sure that the arm may move, "
+            "then continue with 'touchmove resume'"
         )
 
 
@@ -144,7 +145,7 @@ def ask(
         if word is Word.HELP:
             ui.say(help_text() if how is None else how)
         elif not other(line):
-            ui.say(f"'{line.strip()}' is no answer: {how or 'say ' + ' or '.join(valid)}, or quit or resign")
+            ui.say(f"'{line.strip()}' is not an answer: {how or 'say ' + ' or '.join(valid)}, or quit or resign")
         ui.prompt(question, words if offers is None else offers, squares)
 
 

@@ -42,8 +42,8 @@ _STATUS: Final[Mapping[chess.Status, str]] = MappingProxyType({
     chess.Status.TOO_MANY_WHITE_PIECES: "there are more than sixteen white pieces",
     chess.Status.TOO_MANY_BLACK_PIECES: "there are more than sixteen black pieces",
     chess.Status.OPPOSITE_CHECK: "the side that does not move is in check",
-    chess.Status.TOO_MANY_CHECKERS: "a king is in check by more pieces than any move can bring about",
-    chess.Status.IMPOSSIBLE_CHECK: "a king is in check in a way that no move can bring about",
+    chess.Status.TOO_MANY_CHECKERS: "a king is in check by more pieces than any move can cause",
+    chess.Status.IMPOSSIBLE_CHECK: "a king is in check in a way that no move can cause",
 })  # fmt: skip
 _BY_PIECES: Final = (
     chess.Status.NO_WHITE_KING | chess.Status.NO_BLACK_KING | chess.Status.TOO_MANY_KINGS
@@ -93,7 +93,7 @@ class PositionDialogue:
         """
         self._see()
         self._ui.position(self._pieces())
-        self._ui.say(f"This is what I see. Where it is wrong, {_HOW}")
+        self._ui.say(f"This is what I see. If anything is wrong, {_HOW}")
         while True:
             try:
                 self._settle()
@@ -132,7 +132,7 @@ class PositionDialogue:
         for place in sorted(self._unsaid(self._found.lying)):
             self._insist(f"something lies on {place}, or more than one piece stands there")
         for place in sorted(self._unsaid(self._found.between)):
-            self._insist(f"what stands on {place} stands between two squares")
+            self._insist(f"the piece on {place} stands between two squares")
         for one in sorted(self._found.pieces, key=lambda one: one.place):
             if one.instead is not None and self._unsaid([one.place]):
                 self._say_of(one.place, self._which(one.place, one.look, one.instead))
@@ -166,7 +166,7 @@ class PositionDialogue:
             self._insist("both kings are in check")
         if len(possible) == 1:
             board.turn = possible[0]
-            self._ui.say(f"it is {_side(board.turn)}'s move, who is in check")
+            self._ui.say(f"it is {_side(board.turn)}'s move, because {_side(board.turn)} is in check")
         else:
             board.turn = self._answer("who moves next, white or black?", ("white", "black")) == "white"
 
@@ -192,7 +192,7 @@ class PositionDialogue:
                 continue
             board.ep_square = pawn + ahead
             if board.has_legal_en_passant() and not position_problem(board):
-                question = f"did the pawn on {chess.square_name(pawn)} make a double step just now? (yes or no)"
+                question = f"did the pawn on {chess.square_name(pawn)} just make a double step? (yes or no)"
                 if self._answer(question, _YES_OR_NO).startswith("y"):
                     return
             board.ep_square = None

@@ -234,5 +234,5 @@ class Guarding:
             if (view := self._view(rig.camera.read(FIRST_FRAME_AGE).intrinsics)) is not None:
                 guard.look(view)
         except HardwareError as error:
-            raise RigFailed(f"hands cannot be watched for: {error}") from error
+            raise RigFailed(f"cannot watch for hands: {error}") from error
         return guard

@@ -43,7 +43,7 @@ class Blind(UserError):
     """The camera gives no frames any more, so that a hand would not be seen."""
 
     def __init__(self, reason: str) -> None:
-        super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
+        super().__init__(f"the camera no longer sees hands over the board: {reason}; the arm holds")
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +258,7 @@ class HandGuard:
             if request.admit and self._holding:
                 self._holding = False
                 self._holder.resume()  # under the lock: a hand that comes now is told of to the controller later
-                self._say("the board is clear: the arm may go on")
+                self._say("the board is clear: the arm may continue")
             self._frames.wake(False)
             request.found = self._newest
             self._requests.remove(request)

@@ -236,12 +236,12 @@ def _check_height(cell: Workcell, height: float, arc: Arc, share: float, others:
     x, y = (a + share * (b - a) for a, b in zip(arc.start[:2], arc.end[:2], strict=True))
     if not others.pieces:
         raise PlanRefused(
-            f"the way over a box needs a height of {height * 1e3:.0f} mm, the workspace ends at {top * 1e3:.0f} mm: "
+            f"the path over a box needs a height of {height * 1e3:.0f} mm, the workspace ends at {top * 1e3:.0f} mm: "
             "use lower boxes or mount the robot higher"
         )
     piece = min(others.pieces, key=lambda one: math.hypot(one.x - x, one.y - y))
     raise PlanRefused(
-        f"the way over the {piece.kind} on {piece.place} needs a height of {height * 1e3:.0f} mm, the workspace ends "
+        f"the path over the {piece.kind} on {piece.place} needs a height of {height * 1e3:.0f} mm, the workspace ends "
         f"at {top * 1e3:.0f} mm: use lower pieces or mount the robot higher"
     )
 

@@ -78,7 +78,7 @@ def _within_torque(cell: Workcell, label: str, route: Route) -> tuple[Route, Tim
         share = 0.98 * max(limit - still, 0.1 * limit) / (peak - still)
         route = replace(route, bounds=tuple(bounds.scaled(share) for bounds in route.bounds))
     raise PlanRefused(
-        f"{label} takes {peak:.1f} N m, the drives have {limit:.1f} N m for it, and holding still takes "
+        f"{label} takes {peak:.1f} N m, the drives allow {limit:.1f} N m, and holding still takes "
         f"{still:.1f} N m: move the board closer to the robot"
     )
 
@@ -88,7 +88,7 @@ def _check(cell: Workcell, label: str, route: Route) -> None:
     limits = cell.limits
     for point in route.points[1:].tolist():
         x, y, height = cell.board(np.array(point))
-        where = f"{label}: the way leads over ({x * 1e3:.0f}, {y * 1e3:.0f}) mm at {height * 1e3:.0f} mm"
+        where = f"{label}: the path leads over ({x * 1e3:.0f}, {y * 1e3:.0f}) mm at {height * 1e3:.0f} mm"
         reach = math.hypot(point[0], point[1])
         if reach > limits.reach:
             raise PlanRefused(

@@ -56,17 +56,18 @@ def _require_protection(settings: PageSection) -> None:
         parts = urlsplit(settings.address)
         if parts.scheme not in ("http", "https") or not parts.hostname or parts.path not in ("", "/"):
             raise PageRefused(
-                f"the page's address is '{settings.address}': write what the browser shows, such as https://robot.example"
+                f"the page's address is '{settings.address}': write it as the browser shows it, such as "
+                "https://robot.example"
             )
         if settings.password is None:
-            raise PageRefused(f"a page with an address ({settings.address}) wants a password: {set_one}")
+            raise PageRefused(f"a page with an address ({settings.address}) needs a password: {set_one}")
     if not ipaddress.IPv4Address(settings.host).is_loopback:
         if settings.password is None:
-            raise PageRefused(f"a page that others reach at {settings.host} wants a password: {set_one}")
+            raise PageRefused(f"a page that others reach at {settings.host} needs a password: {set_one}")
         if settings.address is None or urlsplit(settings.address).scheme != "https":
             raise PageRefused(
-                f"a page that others reach at {settings.host} wants a TLS proxy before it, or all can read its "
-                "password: give the proxy's address, such as https://robot.example"
+                f"a page that others reach at {settings.host} needs a TLS proxy in front of it, or everybody can read "
+                "its password: give the proxy's address, such as https://robot.example"
             )
 
 
@@ -87,6 +88,6 @@ def _listening(host: str, port: int) -> socket.socket:
     except OSError as error:
         end.close()
         raise PageRefused(
-            f"nobody can listen at {host}:{port}: {error.strerror}: choose another host or port of the page"
+            f"cannot listen on {host}:{port}: {error.strerror}: choose another host or port of the page"
         ) from error
     return end

@@ -30,7 +30,7 @@ AWAITED: Final = 10.0
 """It does so after this in any case [s, wall]: by then devices have been opened, and an arm may move."""
 GLANCE: Final = 0.1
 """[s, wall]"""
-GONE: Final = "the game's program is gone without a word: 'touchmove resume' goes on with its game"
+GONE: Final = "the game's program died without a message: 'touchmove resume' continues its game"
 
 
 class Wishes(Frozen):

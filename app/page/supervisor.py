@@ -90,7 +90,7 @@ class PageSupervisor:
             deaths = [*(then for then in deaths if now - then < SOON), now]
             if not told or len(deaths) >= TRIES:
                 self._publisher.give_up()
-                self._say("the page's process ended, see what it says above; the game goes on without it")
+                self._say("the page's process ended, see its messages above; the game continues without it")
                 return
             self._over.wait(PAUSE)
             with self._starting:

@@ -28,7 +28,7 @@ class PieceBoxed(UserError):
 
     def __init__(self, name: str, place: Place) -> None:
         super().__init__(
-            f"{name} was dropped into the box ({place}) and lies there in no known way: take it out by hand, "
+            f"{name} was dropped into the box ({place}) and lies there in an unknown position: take it out by hand, "
             'or play with captured = "tray", where pieces can be taken back'
         )
 

@@ -40,7 +40,7 @@ class PositionImpossible(UserError):
 class TraysTooSmall(UserError):
     """Trays and boxes cannot hold all that may have to leave the board in one game."""
 
-    def __init__(self, places: int, needed: int, what: str = "all pieces but the kings") -> None:
+    def __init__(self, places: int, needed: int, what: str = "all pieces except the kings") -> None:
         super().__init__(
             f"the trays have {places} places, {needed} are needed for {what}: "
             "enlarge tray_rows or tray_columns of the table"
@@ -52,7 +52,7 @@ class BoxesTooSmall(UserError):
 
     def __init__(self, places: int, needed: int) -> None:
         super().__init__(
-            f"the boxes have room for {places} pieces, {needed} are needed for all but the kings: "
+            f"the boxes have room for {places} pieces, {needed} are needed for all except the kings: "
             "enlarge box_points or box_rounds of the table"
         )
 

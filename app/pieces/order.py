@@ -28,7 +28,7 @@ class NowhereAside(UserError):
 
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__(
-            f"{', '.join(names)} stand on each other's places, and no place is free to set one of them aside: take one "
+            f"{', '.join(names)} stand on each other's places, and there is no free place to set one aside: take one "
             "off by hand"
         )
 

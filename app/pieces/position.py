@@ -229,5 +229,5 @@ def _remedy(lacks: Sequence[Lack]) -> str:
         return f"choose a position with at most {most}"
     if boxed:
         lie, them = ("lies in a box", "it") if len(boxed) == 1 else ("lie in the boxes", "what is missing")
-        return f"{', '.join(boxed)} {lie}, from which the arm takes nothing: take {them} out by hand"
-    return "put what is missing on free places of the trays"
+        return f"{', '.join(boxed)} {lie}, which the arm cannot reach into: take {them} out by hand"
+    return "put the missing pieces on free places of the trays"

@@ -182,7 +182,7 @@ def _rig_file(section: RigSection) -> RigFile:
         raise UserError(f"rig {section.name} runs in pace {rig.pace}: leave --pace out, or change its file")
     if section.captured not in (None, rig.table.captured):
         raise UserError(
-            f"on the table of rig {section.name} captured pieces go to a {rig.table.captured}: leave --captured out, "
+            f"on the table of rig {section.name}, captured pieces go to a {rig.table.captured}: leave --captured out, "
             "or change its file"
         )
     return rig
@@ -202,11 +202,11 @@ def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen
     try:
         board = chess.Board(fen if fen is not None else chess.STARTING_FEN, chess960=chess960)
     except ValueError as error:
-        raise UserError(f"{option} is no position: {error}") from error
+        raise UserError(f"{option} is not a position: {error}") from error
     if not board.is_valid():
         problems = ", ".join(str(flag.name).lower().replace("_", " ") for flag in board.status())
         raise UserError(
-            f"{option} is no legal position ({problems}): {fen}: set it up in any chess program and copy it"
+            f"{option} is not a legal position ({problems}): {fen}: set it up in any chess program and copy it"
         )
     return board
 

@@ -103,7 +103,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         shown = _show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
-            raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
+            raise UserError(f"the game in {path} is over after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
         if rig_setup.own:
@@ -139,9 +139,9 @@ def _play_from_board(
 ) -> SessionResult:  # fmt: skip
     """Ask what stands on the board, and play from there; a number above 1: in a world that is there already."""
     if human is None:
-        raise UserError("--from-board is for games against a person, who says whose move it is: say 'touchmove play'")
+        raise UserError("--from-board is for games against a person, who says whose move it is: use 'touchmove play'")
     if not rig_setup.sees:
-        raise UserError("--from-board takes a camera, and this rig has none: give the position with --fen")
+        raise UserError("--from-board needs a camera, and this rig has none: give the position with --fen")
     _require_players(settings, rig_setup, ui, human, folder)
     if number == 1:
         make_folder(folder)
@@ -256,7 +256,7 @@ def _person(settings: Settings) -> Colour | None:
     """The side that a person plays."""
     humans = [colour for colour in Colour if settings.side(colour is Colour.WHITE).player is PlayerKind.HUMAN]
     if len(humans) > 1:
-        raise UserError("two humans need no robot: let an engine play one side")
+        raise UserError("two people need no robot: let an engine play one side")
     return humans[0] if humans else None
 
 
@@ -267,7 +267,7 @@ def _human(
     if colour is None:
         return None
     if lines is None:
-        raise UserError("a person plays by 'touchmove play': say that, or let an engine play both sides")
+        raise UserError("a person plays with 'touchmove play': use that, or let an engine play both sides")
     hands = None
     if rig_setup.own:
         hands = SimHands(rig_setup.run_dir(folder))
@@ -284,7 +284,7 @@ def _opening_rig(
     def opened(listener: Listener | None) -> Rig:
         found = opener(listener)
         ui.session(replace(shown, controller=found.controller, live=found.film))
-        sees = "looks at the board" if found.camera is not None else "there is none: moves are said, not seen"
+        sees = "looks at the board" if found.camera is not None else "there is none: moves are typed, not seen"
         ui.device("camera", None if found.camera is None else True, sees)
         return found
 

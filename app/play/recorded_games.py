@@ -85,7 +85,7 @@ def recorded_games(path: Path, number: int | None = None) -> tuple[RecordedGame,
         ) from error
     if not games:
         if number is None:
-            raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
+            raise ReplayError(f"{file} contains no game: give a PGN file or the folder of a game")
         raise ReplayError(f"{file} has no game {number}: choose another --game")
     return games
 
@@ -101,7 +101,7 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
         try:
             game = chess.pgn.read_game(stream, Visitor=_Builder)
         except (IndexError, ValueError) as error:  # python-chess's own, over text that is far from any PGN
-            raise ReplayError(f"{file}, game {count + 1}, is no PGN that can be read: correct the file") from error
+            raise ReplayError(f"{file}, game {count + 1}, is not readable PGN: correct the file") from error
         if game is None:
             return
         count += 1
@@ -136,7 +136,7 @@ class _Builder(chess.pgn.GameBuilder[_Game]):
 def _recorded(game: _Game, file: Path, count: int) -> RecordedGame:
     moves = tuple(node.move for node in game.mainline())
     if not game.errors and not game.variations and all(value in _UNSAID for value in game.headers.values()):
-        raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
+        raise ReplayError(f"{file} contains no game: give a PGN file or the folder of a game")
     after = f"after {len(moves)} plies" if moves else "at its beginning"
     if wrong := _unplayable(game, moves, after):
         raise ReplayError(f"{file}, game {count}, {wrong}, or choose another --game")
@@ -156,14 +156,14 @@ def _unplayable(game: chess.pgn.Game, moves: tuple[chess.Move, ...], after: str)
         if game.headers.variant() is chess.Board:
             variant = ""
     if variant:
-        return f"is of the variant {variant}: only chess and Chess960 can be played: give a game of these"
+        return f"is of the variant {variant}: only chess and Chess960 are supported: give such a game"
     if chess.Move.null() in moves:
         passed = moves.index(chess.Move.null()) + 1
         return f"ply {passed} passes, which chess does not allow: correct the file"
     if game.errors:
         return f"{after}: {game.errors[0]}: correct the file"
     if not game.board().is_valid():
-        return f"begins with no legal position ({game.board().fen()}): correct the file"
+        return f"does not begin with a legal position ({game.board().fen()}): correct the file"
     return None
 
 

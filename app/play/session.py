@@ -168,7 +168,7 @@ def run_session(
                 so_far = _play_all(rig, _devices(rig, vision, guard, ui), schedule, done, ui)
         except (ControllerError, HardwareError) as error:  # between two rounds
             raise RigFailed(rig.failure() or str(error)) from error
-        ui.phase("the arm goes to rest")
+        ui.phase("the arm is coming to rest")
         last = rig.close()
         _note_the_end(so_far, rig, last)
     result = _result(so_far, rested=last is not None)
@@ -285,11 +285,11 @@ def _draw(filming: Filming, ui: UserInterface) -> None:
         length=filming.longest,
     )
     again = f"'touchmove film {filming.folder}' draws it at any time"
-    ui.phase("the film is drawn; Ctrl-C leaves it for later")
+    ui.phase("drawing the film; Ctrl-C postpones it")
     try:
-        draw_film(wish, lambda done, whole: ui.phase(f"the film is drawn: {done:.0f} of {whole:.0f} s"))
+        draw_film(wish, lambda done, whole: ui.phase(f"drawing the film: {done:.0f} of {whole:.0f} s"))
     except KeyboardInterrupt:
-        ui.phase(f"the film was left out: {again}")
+        ui.phase(f"the film was not drawn: {again}")
     except FilmFailed as error:
         ui.phase(f"there is no film: {error}; {again}")
     else:

@@ -24,7 +24,7 @@ def looks(settings: Settings, rig_setup: RigSetup, human: Human | None) -> bool:
         UserError: it should, and there is none.
     """
     if settings.vision.verify and not rig_setup.sees:
-        raise UserError("this rig has no camera that could look after each ply: leave --verify out")
+        raise UserError("this rig has no camera to check each ply: leave out --verify")
     wanted = human is not None or not rig_setup.simulated
     return rig_setup.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
 
@@ -70,7 +70,7 @@ def session_vision(settings: Settings, rig_setup: RigSetup, human: Human | None,
     factor = 1.0 if rig_setup.calibration is None else rig_setup.calibration.depth_factor
     wanted = settings.vision.guard
     if wanted and not rig_setup.sees:
-        raise UserError("this rig has no camera that could watch for hands: leave --guard out")
+        raise UserError("this rig has no camera to watch for hands: leave out --guard")
     guarding = None
     if rig_setup.sees and (not rig_setup.simulated if wanted is None else wanted):
         from app.guard.game_guard import Guarding  # what sees takes a second to load
@@ -78,7 +78,7 @@ def session_vision(settings: Settings, rig_setup: RigSetup, human: Human | None,
         knows = rig_setup.calibration is not None or rig_setup.simulated or looks(settings, rig_setup, human)
         if not knows:
             raise UserError(
-                "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
+                "a guard against hands must know where the board is: run 'touchmove calibrate', let the camera "
                 "follow the game with --verify, or leave it out with --no-guard"
             )
         ui.device("hand guard", True, "watches for hands")

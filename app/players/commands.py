@@ -47,17 +47,17 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
     {
         Word.HELP: "what can be typed",
         Word.LOOK: "the camera looks at the board, for instance when it has missed a move",
-        Word.TAKE_BACK: "the arm takes your last move and its own back",
+        Word.TAKE_BACK: "the arm takes back your last move and its own",
         Word.HINT: "what the engine would play for you",
-        Word.FIX: "the arm puts the board right after an illegal or half-made move",
+        Word.FIX: "the arm puts the board right after an illegal or unfinished move",
         Word.PAUSE: "stop the clocks",
-        Word.GO: "go on after a pause, or after STOP",
+        Word.GO: "continue after a pause, or after STOP",
         Word.DRAW: "offer a draw, or claim one",
-        Word.RESIGN: "give the game up",
+        Word.RESIGN: "give up the game",
         Word.SIDE: "change sides: the engine plays for you, and you for it",
-        Word.NEW: "give this game up and play another, as before or for instance 'new black elo 1500 clock 10+5'",
-        Word.KEEP: "go on with the board as it stands: what the camera sees is where another game begins",
-        Word.QUIT: "leave; 'touchmove resume' goes on with the game",
+        Word.NEW: "give up this game and play another, as before or for instance 'new black elo 1500 clock 10+5'",
+        Word.KEEP: "continue with the board as it stands: another game begins from what the camera sees",
+        Word.QUIT: "leave; 'touchmove resume' continues the game",
     }
 )
 _SAME: Mapping[str, Word] = MappingProxyType(
@@ -160,14 +160,14 @@ def parse_hand(words: list[str]) -> MoveHand:
     """
     usage = "say 'hand move b1 b4', 'hand knock e4', 'hand hover e4' or 'hand rest e4'"
     if not words or words[0].lower() not in list(HandVerb):
-        raise CommandError(f"what shall the hand do? {usage}")
+        raise CommandError(f"what should the hand do? {usage}")
     verb = HandVerb(words[0].lower())
     try:
         places = tuple(_place(word) for word in words[1:])
     except ValueError as error:
         raise CommandError(f"{error}; {usage}") from error
     if len(places) != (2 if verb is HandVerb.MOVE else 1):
-        raise CommandError(f"'hand {verb}' wants {2 if verb is HandVerb.MOVE else 1} place(s): {usage}")
+        raise CommandError(f"'hand {verb}' needs {2 if verb is HandVerb.MOVE else 1} place(s): {usage}")
     return MoveHand(verb, places)
 
 
@@ -197,7 +197,7 @@ def parse_new(words: list[str]) -> NewGame:
             case "fen", [_] if len(rest) > 1:
                 wish, rest = replace(wish, fen=" ".join(rest)), []
             case _:
-                raise CommandError(f"'{word}' says nothing about a new game: {_NEW}")
+                raise CommandError(f"'{word}' is not part of a new game: {_NEW}")
     return wish
 
 

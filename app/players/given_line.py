@@ -97,7 +97,7 @@ def _choices(text: str, board: chess.Board) -> str:
     """A few legal moves, those written most alike first."""
     legal = {board.uci(move) if _UCI.fullmatch(text) else board.san(move) for move in board.legal_moves}
     if not legal:
-        return f"the game is over there ({board.result()})"
+        return f"the game is over at that point ({board.result()})"
 
     def unlike(move: str) -> tuple[float, str]:
         return -difflib.SequenceMatcher(None, text, move).ratio(), move

@@ -17,7 +17,7 @@ class PersonGone(UserError):
     """Nobody types any more; ``remedy``: what could have been done about it."""
 
     def __init__(self, remedy: str | None = None) -> None:
-        super().__init__("nobody is at the keyboard any more" + ("" if remedy is None else f": {remedy}"))
+        super().__init__("there is no input at the terminal any more" + ("" if remedy is None else f": {remedy}"))
 
 
 class Lines(Protocol):

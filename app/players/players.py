@@ -157,7 +157,7 @@ class Players:
                     self._ponder(colour, pondered[0], pondered[1], certain=pondered[2])
                 if said.move is not None:
                     return said
-        raise EngineRefused("no engine plays here that could give a hint: play against one")
+        raise EngineRefused("no engine is playing that could give a hint: play against one")
 
     def accepts_draw(self, board: chess.Board, colour: chess.Color) -> bool:
         """Whether the player of a colour agrees to a draw in this position; one that cannot say does not."""
@@ -171,7 +171,7 @@ class Players:
             self.move_now()  # it thinks about a position that did not come
         player = self._players[board.turn]
         if player is None:
-            raise ValueError("a person is to move: nobody can be asked")
+            raise ValueError("a person is to move: there is no engine to ask")
         position = board.copy()
         told = () if clock is None else (clock,)
         self._pondered.pop(board.turn, None)

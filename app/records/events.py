@@ -376,7 +376,10 @@ def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEv
                 "keep the lines of one game, or name another folder"
             )
     if left_out:
-        said(f"{path}, line {len(lines) + 1}, the last one, is cut off or garbled and left out: all before it is whole")
+        said(
+            f"{path}, line {len(lines) + 1}, the last one, is cut off or garbled and was skipped: everything before "
+            "it is complete"
+        )
     return events
 
 
@@ -392,4 +395,4 @@ def read_event(path: Path, number: int, line: bytes) -> AnyEvent:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "the line"
         reason = f"{field}: {first['msg']}: read it with the version that wrote it"
-        raise RecordError(f"{path}, line {number}, is no event of this version: {reason}") from error
+        raise RecordError(f"{path}, line {number}, is not an event of this version: {reason}") from error

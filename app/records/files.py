@@ -154,7 +154,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _occupied(path: Path) -> RecordError:
-    return RecordError(f"{path} holds the record of another game already: choose another folder with --out")
+    return RecordError(f"{path} already holds the record of another game: choose another folder with --out")
 
 
 class LineLog:

@@ -222,7 +222,7 @@ def telemetry_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "controller.Telemetry",
-        "description": "What the controller of the arm says of itself. A number that is not finite is null.",
+        "description": "What the controller of the arm reports. A number that is not finite is null.",
         "type": "object",
         "properties": {field.name: _property(field) for field in TELEMETRY.fields},
     }
@@ -241,7 +241,7 @@ def decode_telemetry(data: bytes) -> Telemetry:
     """
     content = json.loads(data)
     if not isinstance(content, dict) or set(content) != set(Telemetry._fields):
-        raise ValueError("this is no telemetry of this version")
+        raise ValueError("this is not telemetry of this version")
     return Telemetry(*[_restore(name, content[name]) for name in Telemetry._fields])
 
 
@@ -262,7 +262,7 @@ def read_telemetry(path: Path, since: float = 0.0, until: float = float("inf")) 
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name a {TELEMETRY_FILE}") from error
     except (McapError, ValueError, struct.error) as error:
-        raise RecordError(f"{path} is no telemetry ({error}): name a {TELEMETRY_FILE} of this version") from error
+        raise RecordError(f"{path} is not telemetry ({error}): name a {TELEMETRY_FILE} of this version") from error
 
 
 def _messages(file: IO[bytes], since: float, until: float) -> Iterator[tuple[float, Telemetry]]:
@@ -327,7 +327,7 @@ def _log_schema() -> dict[str, Any]:
             },
             "level": {
                 "oneOf": [{"title": level, "const": number} for number, level in enumerate(levels)],
-                "description": "how serious it is",
+                "description": "severity",
             },
             "message": {"type": "string", "description": "state, and why the arm stopped or faulted last"},
             "name": {"type": "string", "description": "who says so"},

@@ -135,7 +135,7 @@ def times_by_kind(source: ReportSource) -> Chart | None:
     return Chart(
         "Times by kind of ply",
         "Each mark is a ply; the box holds the middle half of them and the line in it is the median. Plies that "
-        "another program had begun are left out, as their time is that of their last part.",
+        "another program had begun are left out, because their time is only that of their last part.",
         drawing("kinds", "Times by kind of ply", f"Distribution of the times: {counted}.", *parts, height=height),
         DataTable(
             ("kind", ">plies", ">shortest [s]", ">quarter [s]", ">median [s]", ">three quarters [s]", ">95 % [s]",
@@ -174,7 +174,7 @@ def peak_torques(source: ReportSource) -> Chart | None:
     why = "" if limits is None else f" Beyond {number(limits.torque)} N m torques are clamped: {WHY['torque'].why}."
     return _peaks(
         source, "torques", "Peak torques", "torque [N m]", lambda ply: ply.peak_torque_Nm, lines,
-        "The largest torque that a servomotor was asked for in each ply." + (why or _NO_LIMITS),
+        "The largest torque commanded of a servomotor in each ply." + (why or _NO_LIMITS),
     )  # fmt: skip
 
 
@@ -182,13 +182,13 @@ def peak_forces(source: ReportSource) -> Chart | None:
     """The largest contact force of each ply, against the limits."""
     limits = source.limits
     lines = [] if limits is None else [
-        (limits.tactile, f"lets go at {number(limits.tactile)} N"),
-        (limits.grip_force, f"grip, if it lasts, {number(limits.grip_force)} N"),
+        (limits.tactile, f"opens at {number(limits.tactile)} N"),
+        (limits.grip_force, f"grip, if it persists, {number(limits.grip_force)} N"),
     ]  # fmt: skip
     why = "" if limits is None else f" At {number(limits.tactile)} N on a pad the fingers open: {WHY['tactile'].why}."
     return _peaks(
         source, "forces", "Peak forces", "force [N]", lambda ply: ply.peak_force_N, lines,
-        "The largest contact force of each ply, as the pads and, in a simulation, the referee have it."
+        "The largest contact force of each ply, as measured by the pads and, in a simulation, by the referee."
         + (why or _NO_LIMITS),
     )  # fmt: skip
 
@@ -232,8 +232,8 @@ def lateness(source: ReportSource) -> Chart | None:
     if not loop.plies:
         return None
     caption = (
-        "The largest delay of a tick and the longest computation of one, of those that the telemetry tells of in each "
-        "ply; each telemetry speaks of the second before it."
+        "The largest delay of a tick and the longest computation of one, as reported by the telemetry of each ply; "
+        "each telemetry covers the second before it."
     )
     if loop.lockstep:
         caption += " The simulation ran in lockstep, where no tick can be late: time waits for it."
@@ -271,7 +271,7 @@ def tracking(source: ReportSource) -> Chart | None:
     why = "."
     if limits is not None:
         parts.append(area.limit(1e3 * limits.tracking_most, f"most, {number(1e3 * limits.tracking_most)} mm"))
-        why = f"; an axis however soft may be {number(1e3 * limits.tracking_most)} mm off before the arm gives way."
+        why = f"; an axis, however soft, may be {number(1e3 * limits.tracking_most)} mm off before the arm gives way."
     rows = [(str(p.ply), f"{1e3 * p.tracking:.3f}", f"{p.force:.2f}") for p in loop.plies]
     worst = max(loop.plies, key=_off)
     picture = drawing(
@@ -279,8 +279,8 @@ def tracking(source: ReportSource) -> Chart | None:
         f"At most {1e3 * worst.tracking:.2f} mm, in ply {worst.ply}.", *parts,
     )  # fmt: skip
     return Chart(
-        "Tracking", f"The largest distance of the tool from its reference in each ply{why} Where a piece touches the "
-        "board the tool is meant to be pressed off it.", picture,
+        "Tracking", f"The largest distance of the tool from its reference in each ply{why} When a piece touches the "
+        "board, the tool is meant to be pressed off its reference.", picture,
         DataTable(("ply", ">distance [mm]", ">force on the tool [N]"), rows).html("Tracking"),
     )  # fmt: skip
 
@@ -308,7 +308,7 @@ def evaluation(source: ReportSource) -> Chart | None:
     last = said[-1]
     return Chart(
         EVALUATION,
-        "What the player who moved thought of the position after its ply, in pawns from White’s side; beyond "
+        "The evaluation by the player who moved, after its ply, in pawns from White’s side; beyond "
         f"{MOST_PAWNS:.0f}, and for a mate, the mark lies at the edge.",
         drawing("score", EVALUATION, f"{len(said)} plies; after ply {last[0].ply} it is {last[1]}.", *parts),
         DataTable(
@@ -349,7 +349,7 @@ def clocks(source: ReportSource) -> Chart | None:
     ends = ", ".join(f"{side.value} {60.0 * series[-1][1]:.0f} s" for side, series in sides.items() if series)
     control = source.start.time_control
     return Chart(
-        "Clocks", "What both clocks showed after each ply" + (f"; time control {control}." if control else "."),
+        "Clocks", "Both clocks after each ply" + (f"; time control {control}." if control else "."),
         joined([
             drawing("clocks", "Clocks", f"At the end of the record: {ends}.", *parts), _lines_key("White", "Black"),
         ]),

@@ -54,9 +54,9 @@ def report_page(source: ReportSource) -> str:
     title = f"{start.white} – {start.black}"
     happened = incidents(source)
     sections = [
-        section("trouble", "What went wrong, and what became of it", _story(source, happened)),
+        section("trouble", "What went wrong, and how it ended", _story(source, happened)),
         section("charts", "The game in figures", _charts(source)),
-        section("vision", "What the camera said", _vision(source)),
+        section("vision", "What the camera reported", _vision(source)),
         section("moves", "Moves", _moves(source)),
         section("pictures", "Pictures", _pictures(source)),
     ]
@@ -154,7 +154,7 @@ def _charts(source: ReportSource) -> Html:
     charts = [chart for chart in made if chart is not None]
     notes = [] if source.loop.plies else [source.loop.missing]
     if not any(chart.heading == EVALUATION for chart in charts):
-        notes.append("No player said what it thought of the position.")
+        notes.append("No player gave an evaluation.")
     if not charts:
         notes = ["The record holds no ply of the arm, so there is nothing to draw."]
     shown = tag("div", *map(figure, charts), class_="charts") if charts else Html("")
@@ -168,7 +168,7 @@ def _vision(source: ReportSource) -> Html:
         return tag("p", "The camera found nothing wrong." if looked else "No camera looked at this game.")
     sorts = Counter(one.sort for one in said)
     asked = sum(count for sort, count in sorts.items() if sort.startswith("asked"))
-    lead = f"It spoke {_count(len(said), 'time')}, and " + (
+    lead = f"It reported {_count(len(said), 'time')}, and " + (
         f"was not sure {_count(asked, 'time')}." if asked else "was sure each time."
     )
     by_sort = DataTable(("what", ">times"), [(sort, str(count)) for sort, count in sorts.most_common()])
@@ -176,10 +176,10 @@ def _vision(source: ReportSource) -> Html:
         (str(one.ply), f"{one.plant_time:.2f}", one.sort, " ".join(one.squares), one.sentence, one.mended)
         for one in said
     ]
-    table = DataTable((">after ply", ">plant time [s]", "what", "squares", "sentence", "what became of it"), rows)
+    table = DataTable((">after ply", ">plant time [s]", "what", "squares", "sentence", "how it ended"), rows)
     return joined([
-        tag("p", lead), scrolling(by_sort.html("How often it said what"), "How often the camera said what"),
-        folded("All that the camera said", table.html("What the camera said")),
+        tag("p", lead), scrolling(by_sort.html("How often it reported what"), "How often the camera reported what"),
+        folded("Everything the camera reported", table.html("What the camera reported")),
     ])  # fmt: skip
 
 

@@ -79,7 +79,7 @@ def _scaled(ply: int, path: Path, event: PlyEvent | None, *, trouble: bool) -> B
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror}: give back the right to read it") from error
+        raise RecordError(f"{path} cannot be read: {error.strerror}: allow reading it") from error
     pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if pixels is None:
         return None

@@ -162,7 +162,7 @@ def _by_ply(spans: Sequence[tuple[float, float, int]], told: Iterable[tuple[floa
         if at < len(ordered) and ordered[at][0] <= stamp:
             number = ordered[at][2]
             found[number] = _worst(found.get(number, LoopOfPly(number, 0.0, 0.0, 0.0, 0.0)), one)
-    missing = "" if found else "The telemetry holds nothing of the time in which the arm made plies."
+    missing = "" if found else "The telemetry contains nothing from the plies of the arm."
     return LoopOfGame(tuple(found[number] for number in sorted(found)), lockstep, missing)
 
 

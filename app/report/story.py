@@ -70,7 +70,7 @@ def _of(event: AnyEvent) -> Iterable[Incident]:
         case TaskEvent():
             doing = {Purpose.REPAIR: "repair", Purpose.TAKE_BACK: "take-back", Purpose.SET_UP: "set-up"}[event.purpose]
             carried = "; ".join(map(_carried, event.transfers)) or "nothing had to be carried"
-            yield Incident(ply, at, doing, f"{_sentence(event.label)} The arm set out: {carried}.")
+            yield Incident(ply, at, doing, f"{_sentence(event.label)} The arm started: {carried}.")
         case TaskDoneEvent():
             took = "by a person" if event.real_s is None else f"by the arm in {event.real_s:.2f} s"
             says = " ".join(filter(None, (f"Done {took}.", JUDGED[event.physical_ok], *map(_sentence, event.failures))))
@@ -78,7 +78,7 @@ def _of(event: AnyEvent) -> Iterable[Incident]:
         case TaskDroppedEvent():
             yield Incident(ply, at, "dropped", _sentence(event.reason))
         case ResumeEvent():
-            yield Incident(ply, at, "resumed", "Another program went on with the game.")
+            yield Incident(ply, at, "resumed", "Another program continued the game.")
         case SideEvent():
             yield Incident(ply, at, "sides", f"The person plays {event.person.value} from now on.")
         case PlyEvent(failures=failures) if failures:
@@ -94,7 +94,7 @@ def _left_open(source: ReportSource) -> Incident | None:
         return None
     last, state = source.events[-1], RecordState.after(source.events)
     begun = state.unfinished
-    says = "The record breaks off here: the program was killed, the power failed, or the game still runs."
+    says = "The record breaks off here: the program was killed, the power failed, or the game is still running."
     if begun is not None:
         what = begun.uci or (None if begun.task is None else begun.task.label) or "a repair"
         stage = f", in its {begun.stage.value}" if begun.stage is not None else ""

@@ -40,8 +40,8 @@ class GraspFailed(UserError):
 
     def __init__(self, motion: Motion, finger_position: float) -> None:
         super().__init__(
-            f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; "
-            "is the piece where the game says?"
+            f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; is "
+            "the piece where the game expects it?"
         )
 
 
@@ -49,7 +49,7 @@ class PieceSlipped(UserError):
     """A piece was carried, and was lost on its way, or was no longer in the fingers when they came to its place."""
 
     def __init__(self, motion: Motion, *, on_its_way: bool = False) -> None:
-        how = "the piece slipped out of the fingers" if on_its_way else "the fingers came there empty"
+        how = "the piece slipped out of the fingers" if on_its_way else "the fingers arrived empty"
         super().__init__(f"{motion.label}: {how}; where has it gone?")
 
 
@@ -58,8 +58,8 @@ class TouchedElsewhere(UserError):
 
     def __init__(self, motion: Motion, off: float) -> None:
         super().__init__(
-            f"{motion.label}: touched {abs(off) * 1e3:.1f} mm {'below' if off > 0.0 else 'above'} where it should be; "
-            "something else is there, or it is propped up"
+            f"{motion.label}: touched {abs(off) * 1e3:.1f} mm {'below' if off > 0.0 else 'above'} the expected "
+            "height; something else is there, or the piece is propped up"
         )
 
 
@@ -70,8 +70,8 @@ class NothingTouched(UserError):
         assert motion.continuation is not None
         depth = motion.continuation.settings.touch_depth
         super().__init__(
-            f"{motion.label}: lowered {depth * 1e3:.0f} mm below the board's height and felt nothing; does the board "
-            "stand where the settings say?"
+            f"{motion.label}: lowered {depth * 1e3:.0f} mm below the board's height and felt nothing; is the board "
+            "where the settings say?"
         )
 
 

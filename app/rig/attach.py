@@ -29,7 +29,7 @@ def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive
     if telemetry.state is State.FAULT:
         if not forgive:
             raise RigFailed(
-                f"the arm is on its brakes after a fault: {why}: mend it, then 'touchmove controller clear-fault'"
+                f"the arm is on its brakes after a fault: {why}: fix it, then 'touchmove controller clear-fault'"
             )
         progress(f"clearing the controller's fault: {why}")
         client.clear_fault()
@@ -40,10 +40,10 @@ def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive
     if not client.telemetry.flags & Flag.ADMITTING:
         if not forgive:
             raise RigFailed(
-                "the arm admits no motion, as it was told to hold or something was in its way: see that nothing is, "
-                "then 'touchmove controller resume'"
+                "the arm admits no motion, because it was told to hold or something was in its way: make sure the way "
+                "is clear, then run 'touchmove controller resume'"
             )
-        progress(f"going on after: {why}")
+        progress(f"continuing after: {why}")
         client.resume()
     return client.wait_standing()
 
@@ -58,6 +58,6 @@ def _connect(client: ControllerClient, progress: Callable[[str], None]) -> None:
             if time.monotonic() > deadline:
                 raise
             if not told:
-                progress("waiting for the lease of the client before")
+                progress("waiting for the previous client's lease")
                 told = True
             time.sleep(_AGAIN)

@@ -76,8 +76,8 @@ def _installed(name: str) -> Opener:
     if name not in drivers.names:
         known = ", ".join([*BUSES, *sorted(drivers.names)])
         raise ConfigError(
-            f"drives.bus is '{name}', installed here are: {known}: install the package that has it as an entry point "
-            f"of the group {DRIVERS}"
+            f"drives.bus is '{name}', installed here are: {known}: install the package that provides it as an entry "
+            f"point of the group {DRIVERS}"
         )
     try:
         opener: Opener = drivers[name].load()

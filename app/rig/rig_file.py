@@ -92,8 +92,8 @@ class DrivesSection(DriveSettings):
         chosen = sorted(self.model_fields_set & {"emulated", *DriveSettings.model_fields})
         if chosen:
             raise ValueError(
-                f'{chosen[0]} is for bus = "{MOTEUS}" and "{ETHERCAT}" only: leave it out; what other drives are like '
-                "stands in the robot's parameters"
+                f'{chosen[0]} is for bus = "{MOTEUS}" and "{ETHERCAT}" only: leave it out; other drives are described '
+                "by the robot's parameters"
             )
         return self
 
@@ -141,7 +141,7 @@ class WorldSection(WorldOptions):
     @model_validator(mode="after")
     def _one_person(self) -> Self:
         if self.person is not None and (self.journal or self.hand is not None):
-            raise ValueError("a person has one hand, and a world with one keeps no journal: leave person out")
+            raise ValueError("a person has one hand, and a world with a hand keeps no journal: leave person out")
         return self
 
 
@@ -170,7 +170,7 @@ class RigFile(Frozen):
         if self.world_section.planted and not self.drives.emulated:
             raise ValueError("faults are planted in emulated drives only: set emulated = true in [drives]")
         if self.drives.emulated and self.pace is not Pace.REAL:
-            raise ValueError("emulated drives keep to the wall clock as real ones do: leave out the world's pace")
+            raise ValueError("emulated drives keep to the wall clock like real ones: leave out the world's pace")
         return self
 
     @property
@@ -229,7 +229,7 @@ def load_rig(path: Path) -> RigFile:
         if world is not None and world.robot is not None:
             load_parameters(world.robot)
     except ParametersError as error:
-        raise ConfigError(f"rig file {path}: {error}: mend that file") from error
+        raise ConfigError(f"rig file {path}: {error}: correct that file") from error
     drives = rig.drives
     if drives.moteus is not None and drives.moteus.port is not None:
         drives = drives.model_copy(

@@ -111,4 +111,4 @@ def kept_settings(folder: Path) -> Settings:
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
     except ValidationError as error:
-        raise UserError(f"{path} is of another version: go on with the version that wrote it") from error
+        raise UserError(f"{path} is of another version: continue with the version that wrote it") from error

@@ -29,10 +29,10 @@ def _thinks(settings: Settings) -> bool:
     return game.moves is None and game.replay is None and game.plies > 0
 
 
-_OWN: Final = Need("a simulation of our own (--rig sim)", lambda settings: settings.rig.name == SIMULATED)
+_OWN: Final = Need("a simulation that this program starts (--rig sim)", lambda settings: settings.rig.name == SIMULATED)
 _DRAWN: Final = Need("a simulation that is drawn (without --no-cameras)", lambda settings: settings.rig.cameras)
 _DRAWN_BY_SEED: Final = Need(
-    "a world that nothing else is said of (without --randomise)", lambda settings: settings.rig.randomise is None
+    "a world without given differences (without --randomise)", lambda settings: settings.rig.randomise is None
 )
 _FILMED: Final = Need("a film (without --no-video)", lambda settings: settings.rig.video)
 _ENGINES: Final = Need("engines that choose the moves (without --moves)", _thinks)

@@ -59,7 +59,7 @@ class TimeControl(FrozenFinite):
     @model_validator(mode="after")
     def _only_the_last_is_the_rest(self) -> Self:
         if any(period.moves is None for period in self.periods[:-1]):
-            raise ValueError("each period but the last says for how many moves it is, such as 40/90")
+            raise ValueError("each period except the last must state its number of moves, such as 40/90")
         return self
 
     @classmethod
@@ -152,6 +152,6 @@ def _minutes(seconds: float) -> str:
 
 def _no_time_control(text: str) -> UserError:
     return UserError(
-        f"'{text}' is no time control: write minutes and seconds a move such as 5+3, 0:30+1, 5d3 (delay) or "
+        f"'{text}' is not a time control: write minutes and seconds per move such as 5+3, 0:30+1, 5d3 (delay) or "
         "40/90,30+30 (90 minutes for 40 moves, then 30)"
     )

@@ -38,7 +38,7 @@ def load_toml(path: Path, model: type[_M], what: str, instead: str) -> _M:
     except OSError as error:
         raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}: {instead}") from error
     except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{what} file {path} is no TOML: {error}: mend that line") from error
+        raise ConfigError(f"{what} file {path} is not valid TOML: {error}: correct that line") from error
     try:
         return model.model_validate(content)
     except ValidationError as error:

@@ -11,8 +11,8 @@ from rich.text import Text
 
 from app.records import Report
 
-JUDGED: Final = {True: "right after every ply", False: "wrong after a ply", None: "nobody could judge it"}
-MENDED_BY: Final = {"arm": "mended by the arm", "person": "mended by hand", None: "noted"}
+JUDGED: Final = {True: "right after every ply", False: "wrong after a ply", None: "not judged"}
+MENDED_BY: Final = {"arm": "repaired by the arm", "person": "repaired by hand", None: "noted"}
 
 
 def rows_table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]], title: str | None = None) -> Table:
@@ -55,7 +55,7 @@ def report_table(report: Report) -> Group:
     ]
     placed = report.placement_mm
     if placed.max is not None:
-        head.append(("placed", f"{placed.mean:.2f} mm off on average, {placed.max:.2f} at worst"))
+        head.append(("placed", f"{placed.mean:.2f} mm off on average, {placed.max:.2f} mm at worst"))
     if report.peak_torque_Nm is not None:
         head.append(("peaks", f"{report.peak_torque_Nm:.1f} N m, {report.peak_force_N or 0.0:.1f} N"))
     kinds = [

@@ -114,7 +114,7 @@ def spoken(san: str) -> str:
         return f"castles {'short' if castles == 'O-O' else 'long'}{_ENDS[san[len(castles) :]]}"
     found = _SAN.fullmatch(san)
     if found is None:
-        raise ValueError(f"'{san}' is no move in SAN: take it from python-chess")
+        raise ValueError(f"'{san}' is not a move in SAN: take it from python-chess")
     piece, origin, takes, target, promoted, end = found.groups()
     words = [_PIECES.get(piece, ""), origin, "takes" if takes else "", target]
     if promoted:

@@ -50,5 +50,5 @@ def load_key(path: Path) -> bytes:
     if mode & 0o077:
         raise KeyFileError(f"key file {path} has mode {mode:04o}, but only its owner may read it: run chmod 600 on it")
     if len(key) != KEY_SIZE:
-        raise KeyFileError(f"key file {path} holds {len(key)} bytes instead of {KEY_SIZE}: delete it and start anew")
+        raise KeyFileError(f"key file {path} holds {len(key)} bytes instead of {KEY_SIZE}: delete it and start again")
     return key

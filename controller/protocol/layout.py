@@ -295,7 +295,7 @@ TELEMETRY = Layout(
         Field("peak_torque", "d", "N m", "largest torque commanded in the current motion, or else the last one"),
         Field("peak_tactile", "d", "N", "largest tactile force in the current motion, or else the last one"),
         Field("clamped", "Q", "ticks", "ticks in which a torque was clamped since the start"),
-        Field("skipped", "Q", "ticks", "ticks that went by without an exchange since the start"),
+        Field("skipped", "Q", "ticks", "ticks that passed without an exchange since the start"),
         Field("period", "d", "s", "mean wall time between two exchanges in the last second of ticks"),
         Field("lateness", "d", "s", "largest delay of a tick against the regular rhythm in that second"),
         Field("work", "d", "s", "longest computation of a tick in that second"),

@@ -260,7 +260,7 @@ class LoopClock:
                 f"a tick took {self._worst_longest * 1e3:.2f} ms {span}, at most {limit * 1e3:.2f} ms is acceptable"
             )
         elif skipped:
-            trouble = f"{skipped} ticks went by without an exchange {span}, at most 0 is acceptable"
+            trouble = f"{skipped} ticks passed without an exchange {span}, at most 0 is acceptable"
         else:
             trouble = (
                 f"a tick came {self._worst_latest * 1e3:.2f} ms late {span}, at most {limit * 1e3:.2f} ms is acceptable"

@@ -89,9 +89,9 @@ def try_axes(
         if all(one.state is CheckState.GOOD for one in found):
             found += _try_zero(watched.angle, DeltaModel(parameters), table, onlooker)
     except BringUpStopped as error:
-        arm.wrong("stopped", str(error), "see to what it says, then do this step again")
+        arm.wrong("stopped", str(error), "fix what it says, then repeat this step")
     except BusLost as error:
-        arm.wrong("connection", str(error), "see to their power and cables, then begin again")
+        arm.wrong("connection", str(error), "check their power and cables, then start again")
     if watched is not None:
         arm.good("moved", f"{1e3 * watched.farthest:.1f} mrad at most, {1e3 * TOTAL_WAY:.0f} mrad allowed")
     return found + arm.findings
@@ -103,20 +103,20 @@ def _try_all(
     expected = Expected.at(model, watched.angle)
     arm = Judge("arm")
     if expected is None:
-        arm.wrong("pose", "no tool point belongs to its angles", "see to the encoders' zeros, ratios and bits")
+        arm.wrong("pose", "no tool point exists for its angles", "check the encoders' zeros, ratios and bits")
         return arm.findings
     height = float(table.board_from_base(tool_point_at(model, watched.angle))[2])
     if height < ROOM and not onlooker.sees_room(height, ROOM):
         arm.wrong(
             "room", f"the tool is {1e3 * height:.0f} mm above the board, {1e3 * ROOM:.0f} mm are needed",
-            "release the brakes by hand, lift the arm, let them bite, then begin again",
+            "release the brakes by hand, lift the arm, let them close, then start again",
         )  # fmt: skip
         return arm.findings
-    progress(f"pulling at the closed brakes with up to {BRAKE_LOAD * LARGEST_GRAVITY:.1f} N m: nothing may move")
+    progress(f"loading the closed brakes with up to {BRAKE_LOAD * LARGEST_GRAVITY:.1f} N m: nothing may move")
     found = _try_brakes(watched)
     if not _good(found):
         return found
-    progress("opening the brakes for some milliseconds, six times: the tool drops by a millimetre each time")
+    progress("opening the brakes for a few milliseconds, six times: the tool drops by a millimetre each time")
     opening = watched.open_briefly(np.zeros(3))
     fall = accelerations(opening)
     count = 2.0 * np.pi / 2.0**model.parameters.drive.encoder_bits
@@ -208,6 +208,6 @@ def _try_zero(angle: FloatArray, model: DeltaModel, table: TableSettings, onlook
         there = posture_at(model, table.base_from_board(measured)).y
     except PoseError as error:
         judge = Judge("arm")
-        judge.wrong("zero", f"the tool cannot be where it was measured: {error}", "measure it again")
+        judge.wrong("zero", f"the tool cannot be at the measured point: {error}", "measure it again")
         return judge.findings
     return judge_zero(angle, there, ZERO_TOLERANCE)

@@ -69,7 +69,7 @@ def judge_brake(axis: int, pulled: float, torque: float, slip: float) -> Finding
     judge.judge(
         "brake holds", f"turned by {1e3 * pulled:.2f} mrad under {torque:.1f} N m, {1e3 * slip:.1f} mrad allowed",
         pulled <= slip,
-        "a closed brake does not hold: secure the arm, then see to the brakes and their supply before anything else",
+        "a closed brake does not hold: secure the arm, then check the brakes and their supply before anything else",
     )  # fmt: skip
     return judge.findings[0]
 
@@ -102,14 +102,14 @@ def judge_fall(fall: FloatArray, velocity: FloatArray, expected: Expected) -> li
     if not SCALE[0] <= share[farthest] <= SCALE[1]:
         judges[farthest].wrong(
             "encoder", f"{said[farthest]}: it reads {share[farthest]:.2f} of the motion",
-            f"see to the ratio of joint {farthest + 1} and its encoder_bits: a bit is a factor of two",
+            f"check the ratio of joint {farthest + 1} and its encoder_bits: a bit is a factor of two",
         )  # fmt: skip
         return judges[farthest].findings
     for axis, judge in enumerate(judges):
         if abs(velocity[axis]) > 0.5:
             judge.wrong(
                 "velocity", f"the drive tells {1.0 + velocity[axis]:.2f} of the rate at which its angle changes",
-                f"see to the velocity's scale and sign in drive {axis + 1}",
+                f"check the velocity's scale and sign in drive {axis + 1}",
             )  # fmt: skip
         else:
             judge.good("encoder", said[axis])
@@ -124,13 +124,13 @@ def judge_standing(axis: int, coupling: float) -> Finding:
     judge = Judge(f"axis {axis + 1}")
     if coupling > COUPLED:
         judge.wrong(
-            "encoder", "stands still, but the other axes feel that its shaft turns",
-            f"the encoder is dead: see to its cable and supply at drive {axis + 1}",
+            "encoder", "reads no motion, but the other axes feel that its shaft turns",
+            f"the encoder is dead: check its cable and supply at drive {axis + 1}",
         )  # fmt: skip
     else:
         judge.wrong(
-            "brake opens", "its shaft does not turn while the others fall, nor do they feel a torque on it",
-            f"the brake of axis {axis + 1} stays closed: see to its cable and supply, then whether the shaft jams",
+            "brake opens", "its shaft does not turn while the others fall, and they feel no torque on it",
+            f"the brake of axis {axis + 1} stays closed: check its cable and supply, then whether the shaft jams",
         )  # fmt: skip
     return judge.findings[0]
 
@@ -139,8 +139,8 @@ def judge_all_standing(longest: float) -> Finding:
     """Nothing moved within so long [s]."""
     judge = Judge("brakes")
     judge.wrong(
-        "open", f"no axis moved while they were told to be open for {1e3 * longest:.0f} ms",
-        "the brakes stay closed: see to their supply, relay and the emergency stop",
+        "open", f"no axis moved while the brakes were told to open for {1e3 * longest:.0f} ms",
+        "the brakes stay closed: check their supply, relay and the emergency stop",
     )  # fmt: skip
     return judge.findings[0]
 
@@ -163,11 +163,11 @@ def judge_torque(axis: int, gains: FloatArray) -> Finding:
     judge = Judge(f"axis {axis + 1}")
     reached = int(np.abs(gains).argmax())
     gain = float(gains[reached])
-    said = f"{gain:.2f} of the torque asked for"
+    said = f"{gain:.2f} of the commanded torque"
     if abs(gain) < 0.2:
         judge.wrong(
             "torque", f"{said} reaches it",
-            f"the motor has no power: see to the cable and the fuses of axis {axis + 1}",
+            f"the motor has no power: check the cable and the fuses of axis {axis + 1}",
         )  # fmt: skip
     elif reached != axis:
         one, other = sorted((axis + 1, reached + 1))
@@ -178,12 +178,12 @@ def judge_torque(axis: int, gains: FloatArray) -> Finding:
     elif gain < 0.0:
         judge.wrong(
             "torque", f"{said}: it pulls the wrong way",
-            f"turn the torque's sign in drive {axis + 1}: its angle already counts as it should",
+            f"invert the torque's sign in drive {axis + 1}: its angle already counts as it should",
         )  # fmt: skip
     elif not GAIN[0] <= gain <= GAIN[1]:
         judge.wrong(
             "torque", f"{said}, {GAIN[0]:g} to {GAIN[1]:g} are allowed",
-            f"see to the torque constant, or the rated torque, of joint {axis + 1}, and to its ratio",
+            f"check the torque constant, or the rated torque, of joint {axis + 1}, and its ratio",
         )  # fmt: skip
     else:
         judge.good("torque", said)
@@ -222,7 +222,7 @@ def judge_bite(stopping: FloatArray, velocity: FloatArray) -> list[Finding]:
         judge.judge(
             "brake bites", f"its way to a stop is that of {1e3 * took[axis]:.1f} ms, the others' {1e3 * others:.1f} ms",
             took[axis] <= max(STOPPING, UNEVEN * others),
-            f"a closed brake does not hold as the others do: see to the brake of axis {axis + 1} and its supply",
+            f"a closed brake does not hold as the others do: check the brake of axis {axis + 1} and its supply",
         )  # fmt: skip
         found += judge.findings
     return found
@@ -234,7 +234,7 @@ def judge_floating(left: FloatArray, expected: Expected) -> Finding:
     share = float(np.abs(left / expected.fall).max())
     judge.judge(
         "floats", f"gravity compensation leaves {100.0 * share:.0f} % of the fall, {100.0 * FLOATS:.0f} % allowed",
-        share <= FLOATS, "the masses of the robot's parameters are far off, or a weight hangs at the tool: see to them",
+        share <= FLOATS, "the masses of the robot's parameters are far off, or a weight hangs on the tool: check both",
     )  # fmt: skip
     return judge.findings[0]
 
@@ -253,8 +253,9 @@ def judge_zero(angle: FloatArray, measured: FloatArray, tolerance: float) -> lis
             judge = Judge("arm")
             one, other = (axis + 1 for axis in range(3) if order[axis] != axis)
             judge.wrong(
-                "arms", f"the tool is where it would be if arms {one} and {other} changed places",
-                f"both cables of arms {one} and {other} are exchanged, or the arms are numbered otherwise: change them",
+                "arms", f"the tool is where it would be if arms {one} and {other} were exchanged",
+                f"both cables of arms {one} and {other} are exchanged, or the arms are numbered differently: correct "
+                "this",
             )  # fmt: skip
             return judge.findings
     found: list[Finding] = []

@@ -104,9 +104,9 @@ def _report(
     if waiting is None:
         sentence = "every step held"
     elif states[waiting] is StepState.FAILED:
-        sentence = f"step {waiting} failed: put right what it says, then say 'touchmove commission --rig {name}' again"
+        sentence = f"step {waiting} failed: fix what it says, then run 'touchmove commission --rig {name}' again"
     elif waiting is CommissionStep.GAME:
-        sentence = f"set the pieces up for {GAME_PLIES} plies, and say 'touchmove commission --rig {name} --game'"
+        sentence = f"set up the pieces for {GAME_PLIES} plies, and run 'touchmove commission --rig {name} --game'"
     else:
         sentence = f"next is step {waiting}: 'touchmove commission --rig {name}'"
     return CommissionReport(

@@ -89,14 +89,14 @@ def judge_workspace(held: Sequence[HeldPose], parameters: RobotParameters) -> li
     for what, part in (("home", held[:1]), ("edges", held[1:])):
         worst = max(one.error for one in part)
         judge.judge(
-            what, f"{1e3 * worst:.2f} mm off where it should be, {1e3 * HELD_ERROR:.1f} mm allowed",
-            worst <= HELD_ERROR, "the arm is held off its place: see to its parameters, and to what touches it",
+            what, f"{1e3 * worst:.2f} mm off its target, {1e3 * HELD_ERROR:.1f} mm allowed",
+            worst <= HELD_ERROR, "the arm is held off its target: check its parameters, and what touches it",
         )  # fmt: skip
     largest = max(float(np.abs(one.torque).max()) for one in held)
     most = TORQUE_SHARE * parameters.drive.rated_torque
     judge.judge(
         "holding torque", f"up to {largest:.2f} N m, {most:.2f} N m allowed", largest <= most,
-        "the motors would be hot before the game is over: see what the arm carries, and the torque constants",
+        "the motors would overheat before the game is over: check what the arm carries, and the torque constants",
     )  # fmt: skip
     return judge.findings
 
@@ -115,8 +115,8 @@ def judge_gravity(held: Sequence[HeldPose], parameters: RobotParameters, *, iden
             "gravity",
             f"{of_axis.mean():+.3f} N m on average of {len(held)} poses, {worst:.3f} at worst, {most:.2f} allowed",
             worst <= most,
-            "do 'identify' again, with nothing at the tool" if identified else
-            "see to the masses in the parameters file, the torque constants, and what hangs at the arm",
+            "repeat 'identify' with nothing on the tool" if identified else
+            "check the masses in the parameters file, the torque constants, and what hangs on the arm",
         )  # fmt: skip
         found += judge.findings
     return found
@@ -129,11 +129,11 @@ def judge_tracking(followed: Followed, height: float, force: float) -> list[Find
         "tracking",
         f"{1e3 * followed.worst:.2f} mm at worst, {1e3 * followed.mean:.2f} mm on average, {1e3 * IN_AIR:.1f} mm "
         f"allowed; peak torque {followed.peak:.1f} N m",
-        followed.worst <= IN_AIR, "name the parameters that 'identify' wrote in the rig file, or do it again",
+        followed.worst <= IN_AIR, "name the parameters file of 'identify' in the rig file, or repeat 'identify'",
     )  # fmt: skip
     judge.judge(
         "board", f"touched {1e3 * height:+.1f} mm from its believed height, {1e3 * HEIGHT:.0f} mm allowed",
-        abs(height) <= HEIGHT, "correct centre_in_base of [table] by this, downwards positive, then do this step again",
+        abs(height) <= HEIGHT, "correct centre_in_base of [table] by this, downwards positive, then repeat this step",
     )  # fmt: skip
     judge.judge(
         "touch", f"{force:.1f} N at most, {TOUCH_FORCE:.0f} N allowed", force <= TOUCH_FORCE,

@@ -94,7 +94,7 @@ class WatchedBus:
         if before + self._widest >= TOTAL_WAY:
             raise BringUpStopped(
                 f"a servomotor has turned by {before:.3f} rad in this step, {self._widest:.3f} rad of it "
-                f"in one opening, and {TOTAL_WAY:g} rad are allowed: the brakes are too slow, see to their supply"
+                f"in one opening, and {TOTAL_WAY:g} rad are allowed: the brakes are too slow, check their supply"
             )
         try:
             self._switch_on(asked)
@@ -148,7 +148,7 @@ class WatchedBus:
                 since, angle = now, self.angle
             if now - first > _PATIENCE / self._bus.period:
                 raise BringUpStopped(
-                    f"the arm does not come to rest on its brakes within {_PATIENCE:g} s: secure it, then see to them"
+                    f"the arm does not come to rest on its brakes within {_PATIENCE:g} s: secure it, then check them"
                 )
         self._watch()
 
@@ -158,9 +158,7 @@ class WatchedBus:
         while self._said.tick - first < _SWITCHING / self._bus.period or not self._said.status & DriveStatus.ENABLED:
             self._exchange(torque, brake=True)
             if self._said.tick - first > _SWITCHED / self._bus.period:
-                raise BringUpStopped(
-                    f"the amplifiers do not switch on within {_SWITCHED:g} s: see to their enable line"
-                )
+                raise BringUpStopped(f"the amplifiers do not switch on within {_SWITCHED:g} s: check their enable line")
 
     def _exchange(self, torque: Triple, *, brake: bool, enable: bool = True, watch: bool = True) -> Measurement:
         self._said = self._bus.exchange(_command(torque, brake=brake, enable=enable))
@@ -172,11 +170,11 @@ class WatchedBus:
     def _watch(self) -> None:
         if self._said.status & _TRIPS:
             said = status_words(self._said.status)
-            raise BringUpStopped(f"the drives switched themselves off ({said}): read their displays, then begin again")
+            raise BringUpStopped(f"the drives switched themselves off ({said}): read their displays, then start again")
         if not self.farthest < TOTAL_WAY:
             raise BringUpStopped(
                 f"a servomotor turned by {self.farthest:.3f} rad in this step, {TOTAL_WAY:g} rad are allowed: the arm "
-                "is on its brakes; see that nothing pushes it, then begin the step again"
+                "is on its brakes; check that nothing pushes it, then start the step again"
             )
 
 

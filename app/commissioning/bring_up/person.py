@@ -30,7 +30,7 @@ class GivenAnswers(FrozenFinite):
 
 def load_answers(path: Path) -> GivenAnswers:
     """Read a file of answers; raises ``ConfigError`` if something in it is wrong."""
-    return load_toml(path, GivenAnswers, "answers", "give a TOML file, such as: measured_tool = [0.0, -75.0, 145.0]")
+    return load_toml(path, GivenAnswers, "answers", "give a TOML file such as: measured_tool = [0.0, -75.0, 145.0]")
 
 
 class Commissioner:
@@ -54,8 +54,8 @@ class Commissioner:
         if self.answers.measured_tool is not None:
             return 1e-3 * self.answers.measured_tool[2] >= needed
         return self._read is not None and self.agrees(
-            f"the encoders say that the tool is {1e3 * believed:.0f} mm above the board; is it at least "
-            f"{1e3 * needed:.0f} mm in truth?"
+            f"the encoders say that the tool is {1e3 * believed:.0f} mm above the board; is it really at least "
+            f"{1e3 * needed:.0f} mm?"
         )
 
     def tool(self, believed: FloatArray) -> FloatArray:

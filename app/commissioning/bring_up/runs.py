@@ -52,9 +52,9 @@ WHAT: Final = {
     CommissionStep.DEVICES: "drives, gripper and fingers; the brakes stay closed",
     CommissionStep.AXES: "each axis alone; the brakes open for milliseconds, and the tool drops by some millimetres: "
     "hands off, and nothing below the tool",
-    CommissionStep.WORKSPACE: "home and the edges of the workspace at 0.1 m/s, above all pieces: keep hands away, one "
-    "at the emergency stop",
-    CommissionStep.GRAVITY: "the arm holds still in poses all over the workspace, at 0.1 m/s from one to the next",
+    CommissionStep.WORKSPACE: "home and the edges of the workspace at 0.1 m/s, above all pieces: keep hands away, and "
+    "one hand at the emergency stop",
+    CommissionStep.GRAVITY: "the arm holds still in poses across the workspace, moving at 0.1 m/s between them",
     CommissionStep.IDENTIFY: "the arm swings over the board for 24 s, quickly: keep hands away",
     CommissionStep.TRACKING: "across the board as in a game, then the pads touch the middle of the board: leave d4, "
     "d5, e4 and e5 empty",
@@ -79,7 +79,7 @@ def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]
                 bus.close()
     except HardwareError as error:
         judge = Judge("drives")
-        judge.wrong("connection", str(error), "put right what it says, then begin this step again")
+        judge.wrong("connection", str(error), "fix what it says, then start this step again")
         return judge.findings
 
 
@@ -118,7 +118,7 @@ def _moving(site: CommissionSite, move: Callable[[MovingArm], list[Finding]]) ->
 
 def _stopped(error: UserError) -> list[Finding]:
     judge = Judge("arm")
-    judge.wrong("motion", str(error), "see to what it says, then do this step again")
+    judge.wrong("motion", str(error), "fix what it says, then repeat this step")
     return judge.findings
 
 
@@ -149,8 +149,8 @@ def _identify(site: CommissionSite) -> list[Finding]:
     judge = Judge("robot")
     told = sum(one.told for one in report.values)
     judge.judge(
-        "parameters", f"{told} of {len(report.values)} values told, written to {report.file}", report.holds,
-        "the motion did not tell all base parameters: see that nothing hinders the arm, then do this step again",
+        "parameters", f"{told} of {len(report.values)} values determined, written to {report.file}", report.holds,
+        "the motion did not determine all base parameters: check that nothing hinders the arm, then repeat this step",
     )  # fmt: skip
     if report.holds and site.person.agrees(f"name {IDENTIFIED_FILE} as 'parameters' in {site.name}?"):
         name_parameters(Path(site.name), IDENTIFIED_FILE)
@@ -173,7 +173,7 @@ def _calibrate(site: CommissionSite) -> list[Finding]:
         judge.left_out("calibration", "the rig has no camera: games are played blind")
         return judge.findings
     if site.parameters.marker is None:
-        judge.wrong("marker", "the tool bears none", "print one, and state it as [marker] in the parameters file")
+        judge.wrong("marker", "the tool has none", "print one, and add it as [marker] to the parameters file")
         return judge.findings
     try:
         with controller_of(site.name, site.rig, site.progress):
@@ -182,7 +182,7 @@ def _calibrate(site: CommissionSite) -> list[Finding]:
         return _stopped(error)
     found = report.calibration
     if found is None:
-        judge.wrong("calibration", report.failure or "it failed", "put right what it says, then do this step again")
+        judge.wrong("calibration", report.failure or "it failed", "fix what it says, then repeat this step")
     else:
         judge.good("calibration", f"worst expected error {1e3 * found.worst_error:.2f} mm, written to {report.file}")
     return judge.findings
@@ -202,7 +202,7 @@ def _game(site: CommissionSite) -> list[Finding]:
     judge = Judge("game")
     judge.judge(
         "first game", f"'touchmove {' '.join(arguments)}' ended with status {done.returncode}", done.returncode == 0,
-        "see what it said above, and 'touchmove report'",
+        "read its messages above, and run 'touchmove report'",
     )  # fmt: skip
     return judge.findings
 

@@ -54,7 +54,7 @@ class StepState(StrEnum):
 
     HELD = "held"
     FAILED = "failed"
-    VOID = "to be done again"  # what it depends on has changed since
+    VOID = "to be repeated"  # what it depends on has changed since
     OPEN = "to be done"
 
 
@@ -157,7 +157,7 @@ def load_record(path: Path) -> Commissioning:
     except FileNotFoundError:
         return Commissioning()
     except (OSError, ValidationError) as error:
-        raise UserError(f"{path} cannot be read: move it away, and commissioning begins anew") from error
+        raise UserError(f"{path} cannot be read: move it away to start commissioning again") from error
 
 
 def save_record(path: Path, done: Commissioning) -> None:

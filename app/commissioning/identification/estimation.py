@@ -190,7 +190,7 @@ class _System:
                 raise IdentificationFailed("a servomotor never turned fast enough to show its friction: move it more")
             found, _, rank, _ = np.linalg.lstsq(left / scale, right, rcond=1e-10)
             if rank < len(scale):
-                raise IdentificationFailed("the motion does not tell the parameters apart: give it more room")
+                raise IdentificationFailed("the motion does not distinguish the parameters: give it more room")
             solution = fixed.copy()
             solution[used] = found / scale
             last = counts
@@ -262,7 +262,7 @@ def _result(
         robot = robot_with(believed, solution[:number], friction[:3], friction[3:])
     except ValueError as error:
         raise IdentificationFailed(
-            f"the motion fits no robot that could be ({error}): see the lengths in the parameters, the encoders' zero "
+            f"the motion fits no possible robot ({error}): check the lengths in the parameters, the encoders' zeros "
             "and the torque constants"
         ) from error
     condition, order = system.shape()

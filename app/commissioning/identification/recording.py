@@ -71,7 +71,7 @@ def of_flight(record: FlightRecord, motion: int) -> JointRecord:
     """
     rows = record.ticks[record["motion"] == motion]
     if len(rows) < 2:
-        raise NoRecord(f"motion {motion} is not in the controller's record: let the controller run on the same PC")
+        raise NoRecord(f"motion {motion} is not in the controller's record: run the controller on the same PC")
     missed = np.diff(rows["tick"]) - 1
     if missed.max() > LONGEST_MISSED or missed.sum() > MOST_MISSED * len(rows):
         raise NoRecord(

@@ -13,8 +13,8 @@ from app.settings.toml import toml_value
 from hardware.parameters import RobotParameters
 
 _MOVING: Final = ("flange_mass", "gripper_body_mass", "finger_mass")
-_SHARED: Final = "identified with all that moves with the tool; how it is shared out is assumed"
-_OVERRULED: Final = "assumed; [arms] counts for more"
+_SHARED: Final = "identified together with all that moves with the tool; how it is divided is assumed"
+_OVERRULED: Final = "assumed; [arms] overrides it"
 _SOURCES: Final = {
     "hinge_inertia": ("A", "B"), "proximal_moment": ("E", "B"), "distal_pair_mass": ("B",), "viscous": ("viscous",),
     "coulomb": ("coulomb",),
@@ -36,11 +36,11 @@ def robot_text(found: Identification, made: datetime, how: str) -> str:
         f"# A delta robot as 'touchmove identify' found it, {made.isoformat(timespec='seconds')}, {how}.",
         "# Values are SI. Bands are half of the 95 % interval. Base parameters (docs/commissioning.md):",
         *(f"#   {_said(one)}" for one in found.estimates),
-        f"# The data could not tell: {', '.join(untold)}; these are as they were believed before."
+        f"# The data could not determine: {', '.join(untold)}; these keep their previous values."
         if untold
-        else "# The data could tell all of them.",
-        "# Torques say what things weigh as far as the torque constants are right: all masses and frictions share",
-        "# their error. Lengths, drives, gripper, pads and marker are not identified: they are as they were.",
+        else "# The data determined all of them.",
+        "# The masses are as accurate as the torque constants: all masses and frictions share",
+        "# their error. Lengths, drives, gripper, pads and marker are not identified: they keep their values.",
     ]
     for name, section in robot.model_dump(exclude_none=True).items():
         lines += ["", f"[{name}]"]
@@ -81,6 +81,6 @@ def _told_of_arms(found: Identification, key: str) -> str:
     parts = [one for one in found.estimates if one.name.rstrip("123") in _SOURCES[key]]
     untold = sorted({one.name for one in parts if not one.told})
     if untold:
-        return f"assumed in part: {', '.join(untold)} could not be told"
+        return f"assumed in part: {', '.join(untold)} could not be determined"
     worst = max(one.band / max(abs(one.value), 1e-12) for one in parts if one.name.startswith(_SOURCES[key][0]))
     return f"identified, ± {100.0 * worst:.2g} %"

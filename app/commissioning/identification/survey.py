@@ -89,7 +89,7 @@ def exciting_motion(excitation: Excitation, tick: float) -> Motion:
     gains = critical((FREQUENCY,) * 3, len(table))
     samples = to_samples(Segment(table), gains, np.zeros(len(table)))
     samples.flags.writeable = False
-    return Motion("showing what it weighs", samples, excitation.duration)
+    return Motion("exciting motion", samples, excitation.duration)
 
 
 def survey(
@@ -103,7 +103,7 @@ def survey(
         UserError, ControllerError: the motion was refused or stopped; the arm rests.
     """
     motion_settings = MotionSettings().at(table)
-    progress("looking for a motion that tells most")
+    progress("searching for the most informative motion")
     excitation = find_excitation(parameters, borders_of(parameters, table), duration)
     x, y, z = excitation.middle.tolist()
     _go(rig, motion_settings.model_copy(update={"home": (x, y, z)}), parameters, table, "to the middle")
@@ -148,5 +148,5 @@ def fetch_record(client: ControllerClient, run_dir: Path) -> Path:
                 return path
         time.sleep(0.02)
     raise NoRecord(
-        f"the controller's record did not come to {run_dir}: run this on the controller's PC, where its run_dir is"
+        f"the controller's record did not appear in {run_dir}: run this on the controller's PC, where its run_dir is"
     )

@@ -164,7 +164,7 @@ def _seen(
         if max(abs(dx), abs(dy)) > most:
             raise ValueError(
                 f"what stands on {piece.place} was seen ({1e3 * dx:.0f}, {1e3 * dy:.0f}) mm from its centre, outside "
-                "of that square: name the square on which it was seen"
+                "that square: name the square on which it was seen"
             )
         stays = target.find(piece.name).place == piece.place
         # where a piece is missing, one that was touched may be it, having taken another of its own side
@@ -200,8 +200,10 @@ def _asks(expected: Inventory, observation: BoardObservation, beliefs: Mapping[C
 def _fallen(square: int, expected: Inventory) -> Ask:
     place, piece = square_place(square), expected.at(square_place(square))
     if piece is None:
-        return Ask(f"a piece lies on {place}, which the arm cannot set up: take it off the board", (square,))
-    return Ask(f"the {_name(piece)} on {place} has fallen, which the arm cannot set up: stand it on {place}", (square,))
+        return Ask(f"a piece lies on {place}, which the arm cannot stand up: take it off the board", (square,))
+    return Ask(
+        f"the {_name(piece)} on {place} has fallen, and the arm cannot stand it up: stand it on {place}", (square,)
+    )
 
 
 def _unclear(square: int, expected: Inventory) -> Ask:

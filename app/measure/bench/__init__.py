@@ -76,8 +76,8 @@ def run_bench(
         return loop_bench(quick, progress, watchers)
     if photos is not None:
         if name != "vision":
-            raise UserError(f"bench '{name}' looks at no photographs: leave --photos out, or run bench vision")
+            raise UserError(f"bench '{name}' uses no photographs: leave --photos out, or run bench vision")
         if not photos.is_dir():
-            raise UserError(f"{photos} is no folder: name the one with the labelled photographs")
+            raise UserError(f"{photos} is not a folder: name the one with the labelled photographs")
         return vision_bench(quick, progress, photos)
     return BENCHES[name](quick, progress)

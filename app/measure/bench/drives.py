@@ -76,7 +76,7 @@ def drives_bench(quick: bool, progress: Progress) -> BenchReport:
         if kind is Drives.MOTEUS or privileged():
             rows |= share_rows(kind, *driver_share(kind, EXCHANGES[quick], progress))
         else:
-            progress("the EtherCAT driver alone is measured by root only: others cannot enter the devices' network")
+            progress("only root can measure the EtherCAT driver by itself: others cannot enter the devices' network")
         rows |= in_motion(kind, DURATION[quick], progress)
     return BenchReport.of("drives", SEED, rows, "real")
 

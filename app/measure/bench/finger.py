@@ -129,7 +129,7 @@ def _explain(ended: Ended) -> None:
         raise Missed
     if REACTIONS.get(ended.reason.cause) is Reaction.COMPLIANT:
         return
-    raise RuntimeError(f"the controller did not carry the move out: {explain(*ended.reason[:3])}")
+    raise RuntimeError(f"the controller did not carry out the move: {explain(*ended.reason[:3])}")
 
 
 def finger_bench(quick: bool, progress: Progress) -> BenchReport:

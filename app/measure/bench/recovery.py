@@ -59,7 +59,7 @@ def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
             raise UserError(f"in game {tally.games} no grip was lost and no piece moved: {game.reason}")
         progress(
             f"game {tally.games}: {tally.losses} grips lost, {tally.mishaps} pieces knocked or shifted, "
-            f"{tally.unmended} unmended, {tally.wrong} unnoticed"
+            f"{tally.unmended} not repaired, {tally.wrong} unnoticed"
         )
     both = tally.losses + tally.mishaps
     rows = {

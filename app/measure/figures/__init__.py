@@ -54,5 +54,5 @@ def make_figure(
     if name not in FIGURES:
         raise UnknownFigure(name)
     if move != MOVE or fen is not None:
-        raise UserError(f"figure {name} shows no move of a game: leave move and --fen out, or draw figure move")
+        raise UserError(f"figure {name} shows no single move: leave out move and --fen, or draw figure move")
     return save(name, FIGURES[name](progress), folder)

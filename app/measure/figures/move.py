@@ -41,7 +41,7 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     try:
         board = chess.Board(fen) if fen is not None else chess.Board()
     except ValueError as error:
-        raise UserError(f"--fen is no position: {error}") from error
+        raise UserError(f"--fen is not a position: {error}") from error
     (chosen,) = parse_line(move, board)[:1]
     plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):

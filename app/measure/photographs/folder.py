@@ -50,7 +50,7 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
     folder = folder / FRAMES if (folder / EVENTS_FILE).exists() and (folder / FRAMES).is_dir() else folder
     labels = load_labels(folder)
     if corners_from is CornersFrom.LABELS and labels is None:
-        raise UserError(f"{folder} has no labels.json that says where the board is: use '--corners find'")
+        raise UserError(f"{folder} has no labels.json with the board's corners: use '--corners find'")
     start = chess.Board(labels.initial_fen) if labels is not None else _recorded_start(folder) or chess.Board()
     marked = labels if corners_from is CornersFrom.LABELS else None
     source = labelled_corners(marked) if marked is not None else FoundCorners(start, progress)
@@ -107,8 +107,8 @@ class FoundCorners:
         found = orient(picture.colour, board.corners, self._start)
         if not found.sure:
             raise BoardNotFound(
-                "the board is there, but which side is White's is not clear: does this picture show the position that "
-                "the game starts with?"
+                "the board was found, but it is not clear which side is White's: does this picture show the initial "
+                "position of the game?"
             )
         if board.doubt is not None:
             self._progress(f"{picture.name}: {board.doubt}")
@@ -143,7 +143,7 @@ def _video(folder: Path, labels: Labels | None) -> Path | None:
         videos = sorted(one for one in folder.iterdir() if one.suffix.lower() in VIDEOS)
         if len(videos) > 1:
             names = ", ".join(one.name for one in videos)
-            raise UserError(f"{folder} holds several videos, {names}: put each into a folder of its own") from None
+            raise UserError(f"{folder} holds several videos, {names}: put each into its own folder") from None
         return videos[0] if videos else None
     return None
 
@@ -158,7 +158,7 @@ def _settled(path: Path, fps: float | None, source: CornerSource) -> Iterator[Pi
         except BoardNotFound as error:
             trouble = error
     else:
-        raise UserError(f"the board is not found in the first {LOOKED_THROUGH} frames of {path.name}: {trouble}")
+        raise UserError(f"the board was not found in the first {LOOKED_THROUGH} frames of {path.name}: {trouble}")
     for picture in read_video(path, fps):
         view = gate.update(picture.colour, picture.stamp)
         if view is not None:

@@ -28,7 +28,7 @@ def _position(fen: str) -> str:
     try:
         chess.Board(fen)
     except ValueError as error:
-        raise ValueError(f"'{fen}' is no position: {error}") from error
+        raise ValueError(f"'{fen}' is not a position: {error}") from error
     return fen
 
 

@@ -33,7 +33,7 @@ def picture_files(folder: Path) -> list[Path]:
         UserError: there is no such folder, or no picture in it.
     """
     if not folder.is_dir():
-        raise UserError(f"{folder} is no folder: name one with pictures or a video of a game")
+        raise UserError(f"{folder} is not a folder: name one with pictures or a video of a game")
     files = sorted((one for one in folder.iterdir() if one.suffix.lower() in PICTURES), key=_by_numbers)
     if not files:
         raise UserError(f"there are no pictures in {folder}: {', '.join(sorted(PICTURES | VIDEOS))} are read")
@@ -48,7 +48,7 @@ def read_picture(path: Path) -> Picture:
     """
     pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if pixels is None:
-        raise UserError(f"{path} is no picture that can be read: remove it, or save it as PNG or JPEG")
+        raise UserError(f"{path} is not a readable picture: remove it, or save it as PNG or JPEG")
     return Picture(path.name, np.ascontiguousarray(pixels[..., ::-1], dtype=np.uint8))
 
 
@@ -62,7 +62,7 @@ def read_video(path: Path, fps: float | None = None) -> Iterator[Picture]:
     try:
         rate = fps or video.get(cv2.CAP_PROP_FPS)
         if not video.isOpened() or not rate > 0.0:
-            raise UserError(f"{path} is no video that can be read: save it as MP4 or WebM")
+            raise UserError(f"{path} is not a readable video: save it as MP4 or WebM")
         for number in itertools.count():
             more, pixels = video.read()
             if not more:

@@ -54,7 +54,7 @@ def plan_upright(
     if blocking is not None:
         raise InTheWay(
             f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
-            "have to go; move that piece away first",
+            "must go; move that piece away first",
             blocking,
         )
     begin = _tool_point(cell, lying, pivot.contact)

@@ -77,11 +77,11 @@ class Controls:
             ControlsRefused: they hold them already, or somebody else asks already.
         """
         if self.holder == who:
-            raise ControlsRefused("you hold the controls already")
+            raise ControlsRefused("you already hold the controls")
         if self.holder is None:
             return self.taken(who)
         if self.asking not in (None, who):
-            raise ControlsRefused("somebody else has asked for the controls already: wait until they are answered")
+            raise ControlsRefused("somebody else has already asked for the controls: wait until they are answered")
         return replace(self, asking=who)
 
     def given(self, who: int) -> Controls:

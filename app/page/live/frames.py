@@ -15,7 +15,7 @@ LARGEST_FRAME: Final = 4096
 
 def _one_line(text: str) -> str:
     if not text.strip() or not text.isprintable():
-        raise ValueError("one line of text is wanted")
+        raise ValueError("give one line of text")
     return text
 
 
@@ -76,4 +76,4 @@ def read_frame(text: str) -> AnyFrame:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "the frame"
-        raise FrameRefused(f"{where}: {first['msg']}: docs/page.md lists what the page takes") from error
+        raise FrameRefused(f"{where}: {first['msg']}: docs/page.md lists the valid frames") from error

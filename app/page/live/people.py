@@ -78,7 +78,7 @@ class People:
         """
         here = {watcher.number for watcher in self.hub.watchers}
         if len(here) >= MOST:
-            raise TooMany(f"{MOST} browsers watch already: close one of them")
+            raise TooMany(f"{MOST} browsers are already watching: close one of them")
         number = self._numbers.get(hello.token)
         if number is None or number in here:
             self._last += 1
@@ -107,11 +107,11 @@ class People:
         """Do what somebody wants, or tell them why not."""
         match frame:
             case HelloFrame():
-                watcher.refuse("you have said hello already")
+                watcher.refuse("you have already said hello")
             case LineFrame(text=text):
                 self._say(watcher, text)
             case StopFrame():
-                sentence = "there is no controller that could be stopped" if self.stop is None else await self.stop()
+                sentence = "there is no controller to stop" if self.stop is None else await self.stop()
                 if sentence is not None:
                     watcher.refuse(sentence)
             case ControlsFrame():
@@ -132,7 +132,7 @@ class People:
 
     def _say(self, watcher: Watcher, text: str) -> None:
         if self.ended:
-            watcher.refuse("the game's program has ended: nobody hears this")
+            watcher.refuse("the game's program has ended: this was not sent")
         elif self.controls.holder != watcher.number:
             watcher.refuse("you do not hold the controls: ask for them")
         else:

@@ -33,7 +33,7 @@ WORDS: Final[Mapping[State, str]] = {
     State.TRACK: "moves",
     State.STOPPING: "comes to rest",
     State.FAULT: "on its brakes until the fault is cleared",
-    State.OFF: "goes to rest on its brakes",
+    State.OFF: "is coming to rest on its brakes",
 }
 _DIGITS: Final = 6
 
@@ -139,7 +139,7 @@ class TelemetryFeed:
     async def _press(self) -> str | None:
         watch = self._watch
         if watch is None:
-            return "there is no controller that could be stopped"
+            return "there is no controller to stop"
         try:
             loop = asyncio.get_running_loop()
             await loop.run_in_executor(self._stopper, watch.stop, PATIENCE)

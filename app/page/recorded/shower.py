@@ -107,7 +107,7 @@ class RecordShower:
     ) -> Made:
         """Made of files, unless it was made of the same ones before."""
         if self._wanted >= MOST:
-            raise TooMuchWanted(f"{MOST} such things are being made already: try again in a moment")
+            raise TooMuchWanted(f"{MOST} such requests are already running: try again in a moment")
         self._wanted += 1
         try:
             return await self._made_in_turn(what, files, kind, make)

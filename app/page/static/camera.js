@@ -24,7 +24,7 @@ class Camera {
     this.overlay.setAttribute('class', 'tm-squares');
     this.overlay.setAttribute('aria-hidden', 'true');
     this.frame = make('div', {class: 'tm-camera-frame'}, this.picture, this.overlay);
-    this.outcome = make('p', {class: 'tm-sentence tm-strong'}, 'No picture has come yet.');
+    this.outcome = make('p', {class: 'tm-sentence tm-strong'}, 'No picture has arrived yet.');
     this.detail = make('p', {class: 'tm-sentence'});
     this.age = make('p', {class: 'tm-sentence'});
     this.live = make('p', {class: 'tm-hidden', role: 'status'});
@@ -62,7 +62,7 @@ class Camera {
   whether(session) {
     this.blind = session?.sees === false;
     this.frame.hidden = this.blind;
-    if (this.blind) say(this.outcome, 'This rig has no camera: moves are taken as they are said.');
+    if (this.blind) say(this.outcome, 'This rig has no camera: typed moves count as they are.');
     else if (this.shown === null && session?.pace === 'fast') {
       say(
         this.outcome,

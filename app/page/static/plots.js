@@ -141,7 +141,7 @@ class Plots {
   hold(on) {
     this.paused = on;
     this.fresh = true;
-    announce(this.live, on ? 'The plots stand still.' : 'The plots go on.');
+    announce(this.live, on ? 'The plots are paused.' : 'The plots continue.');
   }
 
   take(frame) {

@@ -52,7 +52,7 @@ class Records {
         say(this.sentence, games.length ? 'Choose a game to see it again.' : 'No game has been recorded yet.');
     } catch (error) {
       this.listed = false;
-      say(this.sentence, `The list of games did not come (${error.message}): open this view again.`);
+      say(this.sentence, `The list of games did not arrive (${error.message}): open this view again.`);
     }
   }
 

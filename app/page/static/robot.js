@@ -86,14 +86,14 @@ class Panel {
       if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
       this.description = await answer.json();
     } catch (error) {
-      return this.fail(`The robot's description did not come (${error.message}): load the page again.`);
+      return this.fail(`The robot's description did not arrive (${error.message}): load the page again.`);
     }
     if (this.stopped) return;
     try {
       this.view = new View(this.canvas, this.description);
     } catch {
       return this.fail(
-        'This browser shows no 3-D (WebGL is missing or switched off): the board beside shows the game.',
+        'This browser cannot show 3-D (WebGL is missing or switched off): the board beside shows the game.',
       );
     }
     this.orbit = new Orbit(this.view.camera, this.stage, () => this.wake(false));

@@ -68,10 +68,10 @@ async def serve_watcher(socket: WebSocket, people: People) -> None:
     try:
         hello = read_frame(await asyncio.wait_for(socket.receive_text(), HELLO))
         if not isinstance(hello, HelloFrame):
-            raise FrameRefused("the first frame says hello: docs/page.md lists what the page takes")
+            raise FrameRefused("the first frame must say hello: docs/page.md lists the valid frames")
         watcher = people.joined(hello)
     except (FrameRefused, TimeoutError, KeyError) as error:
-        await _close(socket, POLICY, str(error) or "hello did not come")
+        await _close(socket, POLICY, str(error) or "no hello arrived")
         return
     except TooMany as error:
         await _close(socket, TRY_LATER, str(error))

@@ -96,7 +96,9 @@ class Gatekeeper:
     def _foreign(self, scope: Scope, headers: Headers) -> PlainTextResponse | None:
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self._names.hosts:
-            return PlainTextResponse("this page is not called so: use the address that the program has printed\n", 421)
+            return PlainTextResponse(
+                "this page does not have that address: use the one that the program printed\n", 421
+            )
         if len(origins) > 1 or (origins and origins[0].lower() not in self._names.origins):
             return PlainTextResponse("another page may not use this one\n", 403)
         navigates = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"

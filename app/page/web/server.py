@@ -109,7 +109,7 @@ class _Routes:
     async def _stream(self, request: Request) -> Response:
         view = _view(request)
         if self._site.pictures.full:
-            raise HTTPException(503, "too many look at streams already: close one of them")
+            raise HTTPException(503, "too many streams are open already: close one of them")
         parts = self._site.pictures.stream(view)
         return StreamingResponse(parts, media_type=STREAM_TYPE, headers={"Cache-Control": "no-store"})
 
@@ -176,7 +176,7 @@ class _Routes:
         async for part in request.stream():
             form += part
             if len(form) > LARGEST_FORM:
-                raise HTTPException(413, "that is no form of this page")
+                raise HTTPException(413, "that is not a form of this page")
         if not self._tries.take():
             wait = math.ceil(self._tries.wait)
             sentence = f"Too many wrong passwords: try again in {wait} s."
@@ -249,7 +249,7 @@ def _seconds(request: Request, name: str, otherwise: float) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 <= value <= FOREVER:
-        raise HTTPException(400, f"'{name}' is a plant time in seconds, such as 12.5")
+        raise HTTPException(400, f"'{name}' is not a plant time in seconds, such as 12.5")
     return value
 
 

@@ -85,7 +85,7 @@ class PasswordHash:
         again = f"make it with 'touchmove page --set-password {path}'"
         try:
             if stat.S_IMODE(path.stat().st_mode) & 0o077:
-                raise PasswordFileError(f"others can read the password file {path}: say 'chmod 600 {path}'")
+                raise PasswordFileError(f"others can read the password file {path}: run 'chmod 600 {path}'")
             scheme, cost, block, lanes, salt, digest = path.read_text(encoding="ascii").split()
             if (scheme, cost, block, lanes) != (_SCHEME, str(_COST), str(_BLOCK), str(_LANES)):
                 raise PasswordFileError(f"{path} is the password file of another version: {again}")
@@ -93,9 +93,9 @@ class PasswordHash:
         except OSError as error:
             raise PasswordFileError(f"password file {path} cannot be read: {error.strerror}: {again}") from error
         except ValueError as error:
-            raise PasswordFileError(f"{path} is no password file: {again}") from error
+            raise PasswordFileError(f"{path} is not a password file: {again}") from error
         if len(found.salt) != _SALT or len(found.hash) != _HASH:
-            raise PasswordFileError(f"{path} is no password file: {again}")
+            raise PasswordFileError(f"{path} is not a password file: {again}")
         return found
 
 

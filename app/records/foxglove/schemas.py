@@ -123,7 +123,7 @@ TRACKING: Final = _object(
     error={**_NUMBER, "description": "largest distance of the tool from its reference since the last message [m]"},
     force={
         **_NUMBER,
-        "description": "largest force on the tool since the last message, by torques and motion [N]",
+        "description": "largest force on the tool since the last message, estimated from torques and motion [N]",
     },
     tactile={**_NUMBER, "description": "largest force on a pad since the last message [N]"},
     torque={**_NUMBER, "description": "largest servomotor torque since the last message [N m]"},

@@ -93,11 +93,11 @@ def standpoint(text: str) -> str | Standpoint:
         (a, b, c), (d, e, f) = ((float(x), float(y), float(z)) for x, y, z in points)
     except ValueError:
         raise UserError(
-            f"there is no view '{text}': choose {' or '.join(CAMERAS)}, or say from where at what in metres, as "
-            "0.5,-0.6,0.4:0,0,0.1"
+            f"there is no view '{text}': choose {' or '.join(CAMERAS)}, or give viewpoint and target in metres, such "
+            "as 0.5,-0.6,0.4:0,0,0.1"
         ) from None
     if (a, b, c) == (d, e, f):
-        raise UserError(f"'{text}' looks at where it stands: give two points")
+        raise UserError(f"'{text}' has its target at its viewpoint: give two different points")
     return Standpoint(position=(a, b, c), target=(d, e, f))
 
 
@@ -116,7 +116,7 @@ def draw_film(wish: FilmWish, progress: Progress) -> None:
     """
     try:
         if TrajectoryFile(wish.positions).span() is None:
-            raise FilmFailed(f"{wish.positions} holds no frame yet: film the game when it has begun")
+            raise FilmFailed(f"{wish.positions} contains no frame yet: film the game once it has begun")
     except HardwareError as error:
         raise FilmFailed(str(error)) from error
     with recording(wish.output):

@@ -117,7 +117,7 @@ def draw(wish: FilmWish) -> None:
     construction = Construction.of(WorldSettings.model_validate(file.header.world))
     model = construction.model(looks=True)
     if model.nq != file.header.positions:
-        raise HardwareError(f"{wish.positions} is of a world with other joints: take the version that recorded it")
+        raise HardwareError(f"{wish.positions} is from a world with different joints: use the version that recorded it")
     period, (first, last) = file.header.period, _part(file, wish)
     drawer, view, quality = SceneDrawer(model), view_of(wish.camera), LOOK if wish.fine else FILM
     encoder, picture = Encoder(wish.output, wish, first * period), None
@@ -146,7 +146,7 @@ def _part(file: TrajectoryFile, wish: FilmWish) -> tuple[int, int]:
     ticks = [frame.tick for frame in file.frames() if begin <= frame.tick <= end]
     if not ticks:
         lasts = (span[1] - span[0]) * period
-        raise HardwareError(f"nothing was recorded from {wish.begin:g} s on: {file.path} lasts {lasts:.1f} s")
+        raise HardwareError(f"nothing was recorded after {wish.begin:g} s: {file.path} lasts {lasts:.1f} s")
     return ticks[0], ticks[-1]
 
 

@@ -199,14 +199,14 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
     with _rig(name) as (rig, file):
 
         def ready(host: str, port: int) -> None:
-            progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
+            progress(f"ready: clients connect to {host}:{port}, with --rig {file}; Ctrl-C brakes the arm and ends")
 
         with drives_of(rig, progress) as drives:
             key = rig.controller.key
             try:
                 if not key.exists():
                     create_key(key)
-                    progress(f"made the key {key}: copy it to every computer that has to reach this controller")
+                    progress(f"created the key {key}: copy it to every computer that must reach this controller")
             except KeyFileError as error:
                 raise UserError(str(error)) from error
             status = _serve(rig, drives.open, ready)
@@ -268,7 +268,7 @@ def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
         progress("starting the simulated world")
         _start_world(rig)
     else:
-        progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
+        progress(f"a simulated world is already running in {rig.run_dir}: taking it over")
 
 
 @dataclass(slots=True)

@@ -106,7 +106,7 @@ def drives_of(section: RigSection) -> DrivesSection:
     if section.drives is Drives.SIM:
         return DrivesSection()
     if section.pace is Pace.FAST:
-        raise UserError(f"--drives {section.drives} keeps to the wall clock as real drives do: leave --pace out")
+        raise UserError(f"--drives {section.drives} keeps to the wall clock like real drives: leave out --pace")
     return EMULATED[section.drives]
 
 
@@ -119,7 +119,7 @@ def world_settings(rig: RigFile, **also: Any) -> WorldSettings:
     try:
         board = chess.Board(world.fen) if world.fen is not None else chess.Board()
     except ValueError as error:
-        raise ConfigError(f"world.fen is no position: {error}") from error
+        raise ConfigError(f"world.fen is not a position: {error}") from error
     chosen: dict[str, Any] = {name: getattr(world, name) for name in WorldOptions.model_fields}
     if world.person is not None:
         chosen["hand"] = HandSettings(side=world.person)

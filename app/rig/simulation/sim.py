@@ -142,8 +142,8 @@ class SimRig(RemoteRig):
             return
         if world is None and not any((self._run_dir / left).exists() for left in (STATE_FILE, LIVE_FILE)):
             raise RigFailed(
-                f"the simulated world in {self._run_dir} has left no state, so that nobody knows "
-                "where the pieces are: start a new game"
+                f"the simulated world in {self._run_dir} has left no state, so the positions of the "
+                "pieces are unknown: start a new game"
             )
         for left in (CONTROLLER_FILE, KEY_FILE):
             (self._run_dir / left).unlink(missing_ok=True)
@@ -322,7 +322,7 @@ def require_present(run_dir: Path, recorded: float, period: float) -> None:
         raise RigFailed(str(error)) from error
     if left is not None and left.tick < recorded / period - _AHEAD:
         raise RigFailed(
-            f"the simulated world in {run_dir} was kept as it stood at {left.tick * period:.2f} s, but the record goes "
-            f"on until {recorded:.2f} s, so that nobody knows where the pieces are: start a new game from its last "
-            "position"
+            f"the simulated world in {run_dir} was kept as it stood at {left.tick * period:.2f} s, but the record "
+            f"continues until {recorded:.2f} s, so the positions of the pieces are unknown: start a new game from its "
+            "last position"
         )

@@ -116,7 +116,7 @@ def test_an_interrupted_test_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(link_module, "link_test", lambda rig, duration, progress: signal.raise_signal(signal.SIGTERM))
     done = CliRunner().invoke(command_line, ["link-test"])
-    assert (done.exit_code, done.stderr) == (130, "touchmove: interrupted; nothing is left running\n")
+    assert (done.exit_code, done.stderr) == (130, "touchmove: interrupted; nothing is still running\n")
     assert signal.getsignal(signal.SIGTERM) is before
 
 
@@ -135,4 +135,4 @@ def test_the_whole_test_on_its_own_rig() -> None:
     assert set(report.checks) == CHECKS
     assert report.checks["pings_lost"].value < 100.0
     assert report.notes == () or not report.checks["real_time"].holds
-    assert said[-1] == "the arm goes to its brakes"
+    assert said[-1] == "the arm goes onto its brakes"

@@ -213,7 +213,7 @@ def test_no_number_of_stops_is_too_many(tmp_path: Path) -> None:
 
 def test_where_nobody_is_there_a_stop_ends_the_game_with_its_next_step_and_the_arm_rests(tmp_path: Path) -> None:
     arm = LateArm(Stage.CARRY, 0.5, presses=1)
-    with pytest.raises(NeedsGo, match=r"somebody pressed STOP: .* go on with 'touchmove resume'$"):
+    with pytest.raises(NeedsGo, match=r"somebody pressed STOP: .* continue with 'touchmove resume'$"):
         play(tmp_path / "game", arm)
     assert arm.stopped
     assert arm.state().felt > 0.5, "the piece is in its fingers yet"

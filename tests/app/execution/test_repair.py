@@ -415,14 +415,14 @@ def test_what_is_sure_the_arm_puts_right(observation: BoardObservation, done: li
                            "white pawn on d2 and nothing on d3, or say what stands there, as 'd2 white knight'"),
     (looks(d1=None, e4=W), "it is not clear which white pieces stand on e2 and e4: put the white queen on d1, the "
                            "white pawn on e2 and nothing on e4, or say what stands there, as 'e2 white knight'"),
-    (BoardObservation({}, fallen=frozenset({1})), "the white knight on b1 has fallen, which the arm cannot set up: "
+    (BoardObservation({}, fallen=frozenset({1})), "the white knight on b1 has fallen, and the arm cannot stand it up: "
                                                   "stand it on b1"),
-    (BoardObservation({}, fallen=frozenset({28})), "a piece lies on e4, which the arm cannot set up: take it off the "
-                                                   "board"),
+    (BoardObservation({}, fallen=frozenset({28})), "a piece lies on e4, which the arm cannot stand up: take it off "
+                                                   "the board"),
     (BoardObservation({}, unclear=frozenset({28})), "something lies on e4: take it away"),
     (BoardObservation({}, unclear=frozenset({1})), "it is not clear what stands on b1: put the white knight there"),
     (BoardObservation({1: None, 20: W}, fallen=frozenset({55})),
-     "the black pawn on h7 has fallen, which the arm cannot set up: stand it on h7"),
+     "the black pawn on h7 has fallen, and the arm cannot stand it up: stand it on h7"),
 ])  # fmt: skip
 def test_what_is_not_sure_is_asked_by_name(observation: BoardObservation, sentence: str) -> None:
     expected, _ = at(START)

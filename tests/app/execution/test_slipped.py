@@ -68,7 +68,7 @@ def test_a_piece_between_both_pads_is_set_down() -> None:
 
 @pytest.mark.parametrize("felt", [(0.0, 0.0), (4.0, 0.1)])
 def test_empty_fingers_have_lost_it(felt: tuple[float, float]) -> None:
-    with pytest.raises(PieceSlipped, match=r"^pawn e2 to e4: the fingers came there empty; where has it gone\?$"):
+    with pytest.raises(PieceSlipped, match=r"^pawn e2 to e4: the fingers arrived empty; where has it gone\?$"):
         carried_out(felt)
 
 

@@ -70,7 +70,9 @@ def test_where_something_lies_near_its_square_it_goes_elsewhere() -> None:
 
 
 def test_a_piece_that_lies_makes_no_way() -> None:
-    with pytest.raises(PlanRefused, match=f"^{KNIGHT}, which is in the way, lies itself: take it off the board$"):
+    with pytest.raises(
+        PlanRefused, match=f"^{KNIGHT}, which is in the way, has fallen over too: take it off the board$"
+    ):
         way(KNIGHT, LIES, stray("e3", "c6", 0.0))
 
 

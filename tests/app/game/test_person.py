@@ -143,7 +143,7 @@ def test_what_stands_on_a_square_can_be_said() -> None:
         Place.parse("g6"): (Colour.WHITE, Kind.KNIGHT), Place.parse("a1"): (Colour.WHITE, Kind.ROOK),
     }  # fmt: skip
     assert any("g6: white knight" in said for said in ui.said)
-    assert any("'e4 empty' is no answer" in said for said in ui.said)
+    assert any("'e4 empty' is not an answer" in said for said in ui.said)
 
 
 def test_a_person_with_hands_of_their_own_is_told_to_use_them() -> None:
@@ -164,7 +164,7 @@ def test_what_the_hand_cannot_do_is_said_and_the_question_asked_again() -> None:
 def test_anything_else_is_answered_with_what_would_be_understood() -> None:
     (sentence, answer) = asked("draw", "done").said
     assert sentence == "put the white bishop on c1. Put it right yourself and say 'done'"
-    assert answer.startswith("'draw' is no answer: say done or ")
+    assert answer.startswith("'draw' is not an answer: say done or ")
     assert answer.endswith("or quit or resign")
 
 

@@ -78,6 +78,6 @@ def test_a_guard_whose_camera_falls_silent_holds_the_arm() -> None:
         guard.clear()
         assert guard.newest() is None, "nobody knows where the board is: nothing to wait for"
         guard.look(nominal_view(PINHOLE, table))
-        with pytest.raises(Blind, match="cannot be seen any more"):
+        with pytest.raises(Blind, match="no longer sees hands"):
             guard.clear()
     assert asked == ["hold"]

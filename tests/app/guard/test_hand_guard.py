@@ -186,7 +186,7 @@ def test_a_board_without_a_hand_is_clear_once_newer_frames_say_so(
 def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller, guard: HandGuard) -> None:
     frames.put(FREE, 2)
     frames.waiting.put(HardwareError("the cable is out: plug it in"))
-    with pytest.raises(Blind, match="cannot be seen any more: the cable is out: plug it in; the arm holds"):
+    with pytest.raises(Blind, match="no longer sees hands over the board: the cable is out: plug it in; the arm holds"):
         guard.clear()
     assert controller.asked == ["hold"]
     assert frames.released == 1

@@ -205,7 +205,7 @@ class FakeGame:
             squares = (chess.square_name(move.from_square), chess.square_name(move.to_square))
             self.publisher.say(f"I would play {self.board.san(move)}.", squares)
         elif (move := self._parsed(line)) is None:
-            self.publisher.say(f"'{line}' is no legal move here; {', '.join(WORDS)} are understood as well.")
+            self.publisher.say(f"'{line}' is not a legal move here; {', '.join(WORDS)} are understood as well.")
         else:
             self.hand_moves(move)
 

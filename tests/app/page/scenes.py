@@ -134,7 +134,7 @@ def lost(stage: Stage, visitor: Visitor) -> None:
 def ended(stage: Stage, visitor: Visitor) -> None:
     """The program has ended."""
     played(stage, "e2e4", "e7e5")
-    stage.game.publisher.end("you have left the game: 'touchmove resume' goes on with it")
+    stage.game.publisher.end("you have left the game: 'touchmove resume' continues it")
     expect(visitor.page.locator("#ask .ask-title")).to_have_text("The program has ended")
 
 

@@ -128,7 +128,7 @@ def test_where_nobody_can_type_a_password_none_is_written(tmp_path: Path, monkey
     monkeypatch.setattr(getpass, "getpass", nobody)
     done = CliRunner().invoke(app, ["page", "--set-password", str(tmp_path / "password")])
     assert done.exit_code == 2
-    assert "call this at a terminal" in done.stderr
+    assert "run this at a terminal" in done.stderr
     assert not [*tmp_path.iterdir()]
 
 

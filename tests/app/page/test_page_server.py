@@ -147,7 +147,7 @@ def test_the_end_is_told_and_then_nobody_hears_lines(page: ServedPage) -> None:
         assert browser.state["session"]["ended"] == "all is over"
         browser.send({"type": "line", "text": "e4"})
         browser.until(lambda: browser.refusals)
-        assert browser.refusals == ["the game's program has ended: nobody hears this"]
+        assert browser.refusals == ["the game's program has ended: this was not sent"]
 
 
 def test_a_record_that_cannot_be_read_is_trouble_and_no_end(page: ServedPage, games: Path) -> None:
@@ -158,7 +158,7 @@ def test_a_record_that_cannot_be_read_is_trouble_and_no_end(page: ServedPage, ga
     page.take(RoundNews(folder=str(broken), number=1, sets_up=False))
     with page.browser() as browser:
         assert [one["kind"] for one in browser.state["log"]] == ["trouble"]
-        assert "is no event of this version" in browser.state["log"][0]["text"]
+        assert "is not an event of this version" in browser.state["log"][0]["text"]
 
 
 def test_a_record_that_starts_from_no_position_is_trouble_and_no_end(page: ServedPage, games: Path) -> None:
@@ -195,7 +195,7 @@ def test_one_holds_the_controls_and_hands_them_over(page: ServedPage) -> None:
         until(lambda: LineSaid(text="c4") in page.said)
         assert [one for one in page.said if isinstance(one, LineSaid)] == [LineSaid(text="d4"), LineSaid(text="c4")]
         assert "you do not hold the controls" in second.refusals[0]
-        assert "somebody else has asked" in third.refusals[0]
+        assert "somebody else has already asked" in third.refusals[0]
 
 
 def test_a_page_that_is_loaded_anew_holds_the_controls_still(page: ServedPage) -> None:
@@ -251,7 +251,7 @@ def test_without_a_controller_there_is_no_stop(page: ServedPage) -> None:
         assert browser.controls["stoppable"] is False
         browser.send({"type": "stop"})
         browser.until(lambda: browser.refusals)
-        assert browser.refusals == ["there is no controller that could be stopped"]
+        assert browser.refusals == ["there is no controller to stop"]
 
 
 def test_no_more_than_so_many_watch(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,7 +117,7 @@ def test_what_keeps_it_from_opening_is_one_sentence(games: Path) -> None:
         assert page.address == ""
     assert page.process.returncode == 2
     assert page.said.count("\n") == 1
-    assert page.said.startswith("touchmove: a page that others reach at 0.0.0.0 wants a password")
+    assert page.said.startswith("touchmove: a page that others reach at 0.0.0.0 needs a password")
 
 
 # ----------------------------------------------------------------------------------------------------------- telemetry

@@ -75,7 +75,7 @@ def test_where_no_page_can_be_nobody_is_waited_for_who_might_come_by_it(
     assert lines.next(0.0) is None
     with supervisor("raise SystemExit(2)", publisher, said):
         until(lambda: publisher.given_up and bool(said))
-        assert said == ["the page's process ended, see what it says above; the game goes on without it"]
+        assert said == ["the page's process ended, see its messages above; the game continues without it"]
         with pytest.raises(PersonGone):
             lines.next(0.0)
     assert len(started) == 1

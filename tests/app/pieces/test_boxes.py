@@ -104,7 +104,7 @@ def test_a_boxed_piece_never_serves_again() -> None:
     assert after.find("white-pawn-a").place.in_box
     assert queen not in after.spares(Kind.QUEEN, Colour.BLACK)
     with pytest.raises(
-        PieceBoxed, match=r"^black-queen was dropped into the box \(B[LR]\d+\) and lies there in no known way: "
+        PieceBoxed, match=r"^black-queen was dropped into the box \(B[LR]\d+\) and lies there in an unknown position: "
     ):
         after.moved(Transfer(queen.name, queen.kind, queen.colour, queen.place, square_place(chess.E4)))
 

@@ -152,7 +152,7 @@ def test_impossible_positions_are_refused_by_name(fen: str, message: str) -> Non
 
 def test_small_trays_are_refused() -> None:
     message = (
-        "the trays have 44 places, 48 are needed for all pieces but the kings: "
+        "the trays have 44 places, 48 are needed for all pieces except the kings: "
         "enlarge tray_rows or tray_columns of the table"
     )
     with pytest.raises(TraysTooSmall, match=f"^{re.escape(message)}$"):

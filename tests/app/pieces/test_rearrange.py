@@ -173,7 +173,7 @@ def test_what_is_missing_is_named() -> None:
         set_up(now, chess.Board("4k3/8/8/8/8/8/8/QQQQK3 w - - 0 1"))
     assert str(refused.value) == (
         "the position needs 4 white queens, only 3 stand on board and trays, and 1 black king, none stands on board "
-        "and trays: put what is missing on free places of the trays"
+        "and trays: put the missing pieces on free places of the trays"
     )
     assert [(lack.kind, lack.colour, lack.needed, lack.there) for lack in refused.value.lacks] == [
         (Kind.QUEEN, Colour.WHITE, 4, 3), (Kind.KING, Colour.BLACK, 1, 0)
@@ -280,7 +280,7 @@ def test_with_no_place_free_a_ring_is_refused() -> None:
     places = [*map(square_place, range(64)), *table.tray_places()]
     now = [PieceSpec(f"p{i}", Kind.PAWN, Colour.WHITE, place) for i, place in enumerate(places)]
     swapped = [PieceSpec("p0", Kind.PAWN, Colour.WHITE, places[1]), PieceSpec("p1", Kind.PAWN, Colour.WHITE, places[0])]
-    with pytest.raises(NowhereAside, match=r"^p0, p1 stand on each other's places, and no place is free"):
+    with pytest.raises(NowhereAside, match=r"^p0, p1 stand on each other's places, and there is no free place"):
         rearrange(Inventory.of(now, table), Inventory.of([*swapped, *now[2:]], table))
 
 

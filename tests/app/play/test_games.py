@@ -49,7 +49,7 @@ def test_what_is_said_of_a_new_game_is_understood(wish: NewGame) -> None:
 
 @pytest.mark.parametrize("words", ["elo", "elo strong", "clock", "fen", "fen 8/8", "purple", "white elo"])
 def test_what_says_nothing_about_a_new_game_is_refused_in_a_sentence(words: str) -> None:
-    with pytest.raises(CommandError, match="says nothing about a new game: say for instance"):
+    with pytest.raises(CommandError, match="is not part of a new game: say for instance"):
         parse_new(words.split())
 
 

@@ -77,7 +77,7 @@ def test_a_game_begun_by_new_goes_on_after_it_was_left(tmp_path: Path) -> None:
         left.folder, UserInterface(), TypedLines(io.StringIO("resign\n"))
     )  # whichever folder of the match is named
     assert (done.folder, done.report.result, done.report.plies) == (folder / "game-2", "0-1", 2)
-    with pytest.raises(UserError, match="is over, after 2 plies"):
+    with pytest.raises(UserError, match="is over after 2 plies"):
         resume_games(folder, UserInterface(), TypedLines(io.StringIO("")))
 
 
@@ -109,9 +109,9 @@ def test_a_refused_takeback_leaves_the_clock_running(tmp_path: Path) -> None:
 
 
 def test_a_guard_and_a_look_need_a_camera(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"^this rig has no camera that could watch for hands: leave --guard out$"):
+    with pytest.raises(UserError, match=r"^this rig has no camera to watch for hands: leave out --guard$"):
         play(tmp_path / "game", game__moves="e4", vision__guard=True)
-    with pytest.raises(UserError, match=r"^this rig has no camera that could look after each ply: leave --verify out$"):
+    with pytest.raises(UserError, match=r"^this rig has no camera to check each ply: leave out --verify$"):
         play(tmp_path / "other", game__moves="e4", vision__verify=True)
 
 
@@ -187,7 +187,7 @@ def test_a_match_killed_after_any_line_of_its_record_goes_on(whole: Path, tmp_pa
 
 
 def test_a_match_that_is_over_is_not_resumed(whole: Path) -> None:
-    with pytest.raises(UserError, match="is over, after 2 plies"):
+    with pytest.raises(UserError, match="is over after 2 plies"):
         resume_games(whole, UserInterface())
 
 

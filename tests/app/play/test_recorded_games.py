@@ -56,15 +56,23 @@ def test_one_of_them_and_the_rest_of_it(file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "holds no game"),
-        ("Dear Anna,\n\nthe games are in the other file.\n", "holds no game: give a PGN file"),
+        ("", "contains no game"),
+        ("Dear Anna,\n\nthe games are in the other file.\n", "contains no game: give a PGN file"),
         ('[White "X"]\n\n1. e4 e5 2. Ke3 *\n', r"game 1, after 2 plies: illegal san: 'Ke3' in .*: correct the file"),
         ('[White "X"]\n\n1. e4 -- 2. d4 *\n', r"game 1, ply 2 passes, which chess does not allow: correct the file"),
-        ("1. e4 e4 ) Z0 *\n", r"game 1, is no PGN that can be read: correct the file"),
-        ('[Variant "Crazyhouse"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Crazyhouse: only chess and Chess960"),
+        ("1. e4 e4 ) Z0 *\n", r"game 1, is not readable PGN: correct the file"),
+        (
+            '[Variant "Crazyhouse"]\n\n1. e4 e5 *\n',
+            r"game 1, is of the variant Crazyhouse: choose a game of chess or "
+            r"Chess960",
+        ),
         ('[Variant "Xiangqi"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Xiangqi: only chess and Chess960"),
         ('[Variant "King of the Hill"]\n\n1. e4 *\n', r"game 1, is of the variant King of the Hill"),
-        ('[SetUp "1"]\n[FEN "8/8/8/8/8/8/8/K7 w - - 0 1"]\n\n1. Ka2 *\n', r"game 1, begins with no legal position"),
+        (
+            '[SetUp "1"]\n[FEN "8/8/8/8/8/8/8/K7 w - - 0 1"]\n\n1. Ka2 *\n',
+            r"game 1, does not begin with a legal "
+            r"position",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
@@ -73,7 +81,7 @@ def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: 
     with pytest.raises(ReplayError, match=said):
         recorded_games(path)
     with pytest.raises(
-        ReplayError, match="has no game 3: choose another --game" if text == "" else "game 1|holds no game"
+        ReplayError, match="has no game 3: choose another --game" if text == "" else "game 1|contains no game"
     ):
         recorded_games(path, 3 if text == "" else 1)
     with pytest.raises(ReplayError, match="cannot be read"):

@@ -137,9 +137,9 @@ def test_at_a_persons_turn_the_prompt_tells_of_a_stop_and_go_lifts_it(tmp_path: 
     script = Script("go", press, "go", "e4", press, "d4", "go", "resign")
     done = play(tmp_path / "game", script, ui, white__player="human")
     assert arms[0].released == 2
-    first = ui.heard_of.index("nothing waits: it is your move")
+    first = ui.heard_of.index("nothing is paused: it is your move")
     assert ui.heard_of[first : first + 5] == [
-        "nothing waits: it is your move",
+        "nothing is paused: it is your move",
         "White to move: your move >",
         f"White to move: your move; {SENTENCE} >",
         "the arm may move again",
@@ -161,7 +161,7 @@ def test_the_ply_under_way_is_finished_once_the_person_says_go(
     asked = ui.heard_of.index(SENTENCE)
     assert ui.heard_of[asked + 1 : asked + 4] == [
         "go on? > go",
-        "'what?' is no answer: say go, or quit or resign",
+        "'what?' is not an answer: say go, or quit or resign",
         "go on? > go",
     ]
     history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
@@ -190,7 +190,7 @@ def test_who_wants_something_else_than_to_go_on_is_served_once_the_piece_is_out_
     end = () if word == "resign" else ("quit",)
     script = Script(lambda: setattr(arms[0], "stop_at", once(Stage.CARRY)), "e4", word, "go", *end)
     done = play(folder, script, ui, white__player="human")
-    assert "first the arm finishes what it has begun" in ui.heard_of
+    assert "the arm first finishes what it has begun" in ui.heard_of
     assert ui.heard_of.count(SENTENCE) == 2
     assert arms[0].state().felt < 0.5
     history = read_history(folder / EVENTS_FILE, TABLE)
@@ -231,7 +231,7 @@ def test_where_nobody_is_there_the_game_ends_and_resume_is_the_go(tmp_path: Path
     assert not done.holds
     assert done.resumable
     assert [failure.reason for failure in done.report.failures] == [
-        f"{SENTENCE}; nobody is there who could: see to it that it may, then go on with 'touchmove resume'"
+        f"{SENTENCE}; nobody is there to do it: make sure that it may, then continue with 'touchmove resume'"
     ]
     assert arms[0].stopped
     with pytest.MonkeyPatch.context() as patch:

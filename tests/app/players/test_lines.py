@@ -92,7 +92,7 @@ MATE = "rnb1kbnr/pppp1ppp/8/4p3/6Pq/5P2/PPPPP2P/RNBQKBNR w KQkq - 1 3"
         (
             "f3 e5 g4 Qh4# a3",
             chess.STARTING_FEN,
-            f'ply 5 of the line, "a3", is not legal in {MATE}: the game is over there (0-1)',
+            f'ply 5 of the line, "a3", is not legal in {MATE}: the game is over at that point (0-1)',
         ),
     ],
 )

@@ -207,7 +207,7 @@ def test_without_an_engine_there_is_no_hint():
     line = LinePlayer(chess.Board(), [chess.Move.from_uci("e2e4")])
     with (
         Players(line, line) as players,
-        pytest.raises(EngineRefused, match=r"^no engine plays here that could give a hint: play against one$"),
+        pytest.raises(EngineRefused, match=r"^no engine is playing that could give a hint: play against one$"),
     ):
         players.hint(chess.Board())
 

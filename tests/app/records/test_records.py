@@ -114,7 +114,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
 def test_a_folder_that_holds_a_game_is_refused(tmp_path: Path) -> None:
     Game(tmp_path).record.close()
     before = (tmp_path / "events.jsonl").read_bytes()
-    message = f"{tmp_path}/events.jsonl holds the record of another game already: choose another folder with --out"
+    message = f"{tmp_path}/events.jsonl already holds the record of another game: choose another folder with --out"
     with pytest.raises(RecordError, match=f"^{re.escape(message)}$"):
         Game(tmp_path)
     assert (tmp_path / "events.jsonl").read_bytes() == before
@@ -250,7 +250,9 @@ def test_a_garbled_last_line_is_left_out_and_said(tmp_path: Path, last: bytes) -
     path, said = tmp_path / "events.jsonl", list[str]()
     path.write_bytes(path.read_bytes() + last)
     assert read_events(path, said.append) == game.record.events
-    assert said == [f"{path}, line 4, the last one, is cut off or garbled and left out: all before it is whole"]
+    assert said == [
+        f"{path}, line 4, the last one, is cut off or garbled and was skipped: everything before it is complete"
+    ]
 
 
 def test_a_second_start_is_named(tmp_path: Path) -> None:
@@ -269,10 +271,14 @@ def test_another_broken_line_is_named(tmp_path: Path) -> None:
     path = tmp_path / "events.jsonl"
     first, second, third = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(first + second[:40] + b"\n" + third)
-    with pytest.raises(RecordError, match=rf"^{re.escape(str(path))}, line 2, is no event of this version: the line: "):
+    with pytest.raises(
+        RecordError,
+        match=rf"^{re.escape(str(path))}, line 2, is not an event of this version: the "
+        r"line: ",
+    ):
         read_events(path)
     path.write_bytes(first + second.replace(b'"san"', b'"move"') + third)
-    message = f"{path}, line 2, is no event of this version: ply.san: Field required: read it with the version"
+    message = f"{path}, line 2, is not an event of this version: ply.san: Field required: read it with the version"
     with pytest.raises(RecordError, match=f"^{re.escape(message)}"):
         read_events(path)
 

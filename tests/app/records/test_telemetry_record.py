@@ -192,9 +192,13 @@ def test_what_is_no_record_is_said(path: Path) -> None:
     ):
         list(read_telemetry(path))
     path.write_bytes(b"no such thing at all")
-    with pytest.raises(RecordError, match=r"telemetry.mcap is no telemetry \(.*\): name a telemetry.mcap of this vers"):
+    with pytest.raises(
+        RecordError,
+        match=r"telemetry.mcap is not telemetry \(.*\): name a telemetry.mcap of this "
+        r"vers",
+    ):
         list(read_telemetry(path))
-    with pytest.raises(ValueError, match="this is no telemetry of this version"):
+    with pytest.raises(ValueError, match="this is not telemetry of this version"):
         decode_telemetry(b'{"tick": 1}')
 
 

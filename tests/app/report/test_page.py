@@ -180,7 +180,7 @@ def test_a_set_up_is_nothing_that_went_wrong(tmp_path: Path) -> None:
     game.record.end("*", "set up", 4.0)
     page = page_of(game.record.folder)
     assert "Nothing went wrong" in page.text
-    assert "Set the board up. The arm set out: white pawn e from e2 to e3." in page.text
+    assert "Set the board up. The arm started: white pawn e from e2 to e3." in page.text
     assert "Done by the arm in 1.50 s. All pieces then stood where they should." in page.text
 
 
@@ -195,7 +195,7 @@ def test_what_went_wrong_is_told_in_sentences(tmp_path: Path) -> None:
     page = page_of(game.record.folder)
     assert "3 things went wrong at the board: 1 put right by the arm, 2 noted." in page.text
     assert "The knight from b1 must not go to b4. It was noted." in page.text
-    assert "It spoke 3 times, and was not sure 1 time." in page.text
+    assert "It reported 3 times, and was not sure 1 time." in page.text
     assert "after ply 1, at 4.50 s · seen: missing" in page.text
 
 
@@ -404,4 +404,4 @@ def test_garbage_in_a_record_is_shown_or_refused_in_a_sentence(game: PlayedGame)
             event |= {"real_s": -1e12, "peak_force_N": 1e12, "wall_time": "0001-01-01T00:00:00+14:00"}
     path.write_text("\n".join(map(json.dumps, events)) + "\n")
     page = page_of(game.record.folder)
-    assert "No player said" in page.text
+    assert "No player gave an evaluation" in page.text

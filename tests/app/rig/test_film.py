@@ -113,12 +113,12 @@ def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) 
 def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
     first_line = (recorded / TRAJECTORY_FILE).read_bytes().splitlines(keepends=True)[0]
     (tmp_path / TRAJECTORY_FILE).write_bytes(first_line)
-    with pytest.raises(FilmFailed, match="holds no frame yet: film the game when it has begun"):
+    with pytest.raises(FilmFailed, match="contains no frame yet: film the game once it has begun"):
         draw(tmp_path, tmp_path / FILM_FILE)
     (tmp_path / TRAJECTORY_FILE).write_bytes(b"no positions")
     with pytest.raises(FilmFailed, match="holds no positions that a film can be drawn from"):
         draw(tmp_path, tmp_path / FILM_FILE)
-    with pytest.raises(FilmFailed, match=r"nothing was recorded from 9 s on: .* lasts 0\.4 s"):
+    with pytest.raises(FilmFailed, match=r"nothing was recorded after 9 s: .* lasts 0\.4 s"):
         draw(recorded, tmp_path / FILM_FILE, begin=9.0)
     with pytest.raises(UserError, match="simulations that are drawn and filmed record positions"):
         positions_of(tmp_path / "elsewhere")
@@ -127,9 +127,11 @@ def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
 def test_views_are_named_or_given_by_two_points(tmp_path: Path) -> None:
     assert standpoint("camera") == "camera"
     assert standpoint("0.5,-0.6,0.4:0,0,0.1") == Standpoint(position=(0.5, -0.6, 0.4), target=(0.0, 0.0, 0.1))
-    with pytest.raises(UserError, match="there is no view 'above': choose camera or film, or say from where at what"):
+    with pytest.raises(
+        UserError, match="there is no view 'above': choose camera or film, or give viewpoint and target"
+    ):
         standpoint("above")
-    with pytest.raises(UserError, match="looks at where it stands"):
+    with pytest.raises(UserError, match="has its target at its viewpoint"):
         standpoint("1,1,1:1,1,1")
     assert default_output(tmp_path, "film").name == FILM_FILE
     assert default_output(tmp_path, "camera").name == "game-camera.webm"

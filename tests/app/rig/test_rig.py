@@ -33,7 +33,7 @@ def test_a_world_that_is_older_than_the_record_is_not_gone_on_with(tmp_path: Pat
     LiveState(tmp_path / LIVE_FILE, model, mujoco.MjData(model), 1000)
     require_present(tmp_path, 1.005, 0.001)
     for _ in range(2):  # however often it is tried
-        with pytest.raises(RigFailed, match=r"as it stood at 1\.00 s, but the record goes on until 1\.50 s, so that"):
+        with pytest.raises(RigFailed, match=r"as it stood at 1\.00 s, but the record continues until 1\.50 s, so the"):
             require_present(tmp_path, 1.5, 0.001)
     (tmp_path / LIVE_FILE).write_bytes(b"nonsense")
     with pytest.raises(RigFailed, match="is not the state of a world: delete it"):

@@ -54,5 +54,5 @@ def test_a_run_directory_may_be_moved_with_its_rig(tmp_path: Path) -> None:
 
 
 def test_a_position_that_is_none_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"world\.fen is no position: "):
+    with pytest.raises(ConfigError, match=r"world\.fen is not a position: "):
         world_settings(own_rig(tmp_path, WorldSection(fen="8/8 w")))

@@ -82,7 +82,7 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
             CONTROLLER + '[drives]\nbus = "mitsubishi"\n[world]\n',
             r'a \[world\] stands behind bus = "sim" and emulated drives only',
         ),
-        ("[controller\n", r"is no TOML: .*: mend that line"),
+        ("[controller\n", r"is not valid TOML: .*: correct that line"),
         (
             CONTROLLER + '[camera]\nkind = "none"\n',
             r'a \[camera\] belongs to a lab; behind bus = "sim" the world has its',

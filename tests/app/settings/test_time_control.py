@@ -54,7 +54,7 @@ def test_what_is_none_is_refused_with_how_to_write_one(text: str) -> None:
     with pytest.raises(UserError) as caught:
         TimeControl.parse(text)
     assert str(caught.value) == (
-        f"'{text}' is no time control: write minutes and seconds a move such as 5+3, 0:30+1, 5d3 (delay) or "
+        f"'{text}' is not a time control: write minutes and seconds per move such as 5+3, 0:30+1, 5d3 (delay) or "
         "40/90,30+30 (90 minutes for 40 moves, then 30)"
     )
 

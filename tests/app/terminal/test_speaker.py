@@ -42,7 +42,7 @@ def test_every_legal_move_can_be_said(choices: list[int]) -> None:
 
 
 def test_what_is_no_move_is_refused() -> None:
-    with pytest.raises(ValueError, match="is no move in SAN"):
+    with pytest.raises(ValueError, match="is not a move in SAN"):
         spoken("e9")
 
 

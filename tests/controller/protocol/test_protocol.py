@@ -249,7 +249,7 @@ def test_a_missing_or_short_key_is_named(tmp_path: Path) -> None:
         load_key(path)
     path.write_bytes(bytes(31))
     os.chmod(path, 0o600)  # noqa: PTH101 - the point is the mode, however it was set
-    with pytest.raises(KeyFileError, match="holds 31 bytes instead of 32: delete it and start anew"):
+    with pytest.raises(KeyFileError, match="holds 31 bytes instead of 32: delete it and start again"):
         load_key(path)
 
 

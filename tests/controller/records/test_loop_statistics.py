@@ -154,7 +154,7 @@ def test_counting_keeps_no_memory() -> None:
                                   "acceptable: "),
         (range(1260), 0.0, 6e-4, "a tick took 0.60 ms in the last 0.2 s of ticks, at most 0.50 ms is acceptable: "),
         ([*range(1400), *range(1402, 1502)], 0.0, WORK,
-         "2 ticks went by without an exchange in the last 0.5 s of ticks, at most 0 is acceptable: "),
+         "2 ticks passed without an exchange in the last 0.5 s of ticks, at most 0 is acceptable: "),
     ],
 )  # fmt: skip
 def test_it_warns_with_the_numbers_and_what_to_do(

@@ -83,7 +83,9 @@ class WatchedPage:
             came = tuple((telemetry, pictures) for telemetry, pictures in json.loads(answer.readline()))
             return Watched(time.monotonic(), processor_time(self._page.pid), came)
         except (OSError, ValueError) as error:
-            raise UserError("the page, or who watched it, ended meanwhile: see what they say above") from error
+            raise UserError(
+                "the page, or a browser that watched it, ended too early: read the messages above"
+            ) from error
 
     def wait_for_all(self) -> None:
         """Wait until every watcher has had telemetry and a picture.
@@ -133,7 +135,7 @@ def watched_page(rig: RemoteRig, folder: Path, count: int, progress: Progress) -
     with PageSupervisor(PageSection(port=0), publisher, folder, invite, give_up) as page:
         ready.wait(START)
         if not addresses:
-            raise UserError(f"the page did not start within {START:g} s: see what it says above")
+            raise UserError(f"the page did not start within {START:g} s: read the messages above")
         with _watchers(addresses[0], count) as watchers:
             watched = WatchedPage(publisher, page, watchers)
             progress(f"waiting until {count} watchers have telemetry and pictures of {addresses[0]}")

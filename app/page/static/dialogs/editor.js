@@ -187,7 +187,7 @@ export function editPosition(fen = START) {
       const rows = where.split('/');
       const width = (row) => [...row].reduce((sum, letter) => sum + (Number(letter) || 1), 0);
       if (rows.length !== 8 || !rows.every((row) => /^[pnbrqkPNBRQK1-8]+$/.test(row) && width(row) === 8)) {
-        problem.textContent = 'This is no FEN: eight rows of pieces, such as 8/8/8/4k3/8/4K3/8/8 w - - 0 1';
+        problem.textContent = 'This is not a FEN: eight rows of pieces, such as 8/8/8/4k3/8/4K3/8/8 w - - 0 1';
         return;
       }
       board.set({fen: where});

@@ -99,7 +99,7 @@ export function openNewGame(store, position = null) {
     event.preventDefault();
     const clock = wanted.clock === 'own' ? clockField.value.replaceAll(/\s/g, '').toLowerCase() : wanted.clock;
     if (clock !== 'none' && !clock.split(',').every((period) => PERIOD.test(period))) {
-      refuse(`'${clock}' is no time control: write 10+5, 5d3, or 40/90,30+30`);
+      refuse(`'${clock}' is not a time control: write 10+5, 5d3, or 40/90,30+30`);
       clockField.focus();
       return;
     }
@@ -125,7 +125,7 @@ export function openNewGame(store, position = null) {
       }),
       make('fieldset', {class: 'choice'}, make('legend', {}, 'Strength'), full, make('div', {class: 'slider', hidden: true}, range, level)),
       clockChoice, clockField, clockHelp, place, other, problem,
-      make('p', {class: 'muted', hidden: !running}, 'The game that is being played is given up; the arm sets the pieces up.'),
+      make('p', {class: 'muted', hidden: !running}, 'The current game is given up, and the arm sets up the pieces.'),
       make(
         'div', {class: 'dialog-actions'},
         button('Cancel', null, () => dialog.close()),

@@ -221,7 +221,7 @@ export class Player {
       await navigator.clipboard.writeText(window.location.href);
       say(button, 'Link copied');
     } catch {
-      say(button, 'The link stands in the address bar'); // where the clipboard is forbidden
+      say(button, 'The link is in the address bar'); // where the clipboard is forbidden
     }
     setTimeout(() => say(button, 'Copy link to this moment'), 3000);
   }

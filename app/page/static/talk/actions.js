@@ -83,14 +83,14 @@ export function mountActions(store, board) {
       openNewGame(store);
       return;
     }
-    const text = 'The game that is being played is given up; the arm sets the pieces up.';
+    const text = 'The current game is given up, and the arm sets up the pieces.';
     if (isOver(store.get('game')) || await confirm({title: 'Another game?', text, yes: 'Begin'})) store.say('new');
   }
 
   async function act(word) {
     const asks = {
-      resign: ['Give the game up?', 'The game is then lost.', 'Resign'],
-      quit: ['Leave the game?', "The program ends; 'touchmove resume' goes on with the game later.", 'Leave'],
+      resign: ['Give up the game?', 'The game is then lost.', 'Resign'],
+      quit: ['Leave the game?', "The program ends; 'touchmove resume' continues the game later.", 'Leave'],
       keep: ['Play on from the board as it stands?', 'This game ends, and another begins from what the camera sees.', 'Begin'],
     };
     if (word in asks) {

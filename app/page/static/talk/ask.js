@@ -35,7 +35,7 @@ export function mountAsk(store, board) {
     const holds = store.holds();
     if (session === null) return {mood: 'wait', title: 'Connecting to the game', detail: ''};
     if (store.get('connection') !== 'open' && session.live !== false) {
-      return {mood: 'wait', title: 'Waiting for the connection', detail: 'The board shows how it stood last.'};
+      return {mood: 'wait', title: 'Waiting for the connection', detail: 'The board shows its last known position.'};
     }
     if (session.live === false && store.get('record') !== null) {
       return {mood: 'over', title: 'A recorded game', detail: game === null ? '' : `${game.white} – ${game.black}`};

@@ -44,7 +44,7 @@ export function mountNews(store, banners) {
     seen = seen || state === 'open';
     document.body.classList.toggle('away', state === 'away');
     const text = seen
-      ? 'The connection to the game is lost. What you see is how it stood last; this page connects again by itself.'
+      ? 'The connection to the game is lost. What you see is its last known state; this page reconnects by itself.'
       : 'The game cannot be reached. This page tries again by itself.';
     banners.set('connection', state === 'away' ? {kind: 'warning', text} : null);
   }

@@ -24,10 +24,10 @@ export function mountControls(store, banners) {
       const asks = asking !== null && asking !== you;
       return {
         short: 'You have the controls',
-        long: asks ? 'You have the controls. Somebody else asks for them.' : 'You have the controls: what you say and play here counts.',
+        long: asks ? 'You have the controls. Somebody else is asking for them.' : 'You have the controls: what you say and play here counts.',
         actions: asks
           ? [button('Hand over', 'give', act('give'), {class: 'primary'}), button('Keep', null, act('keep'))]
-          : [button('Let go of the controls', 'release', act('release'))],
+          : [button('Release the controls', 'release', act('release'))],
       };
     }
     if (holder === null) {
@@ -39,7 +39,7 @@ export function mountControls(store, banners) {
     const asked = asking === you;
     return {
       short: asked ? 'You asked for the controls' : 'You watch',
-      long: asked ? 'You have asked for the controls; whoever has them decides.' : 'Somebody else has the controls. You watch, and may press STOP.',
+      long: asked ? 'You have asked for the controls; their holder decides.' : 'Somebody else has the controls. You watch, and may press STOP.',
       actions: asked || asking !== null ? [] : [button('Ask for the controls', 'ask', act('ask'), {class: 'primary'})],
     };
   }
@@ -67,7 +67,7 @@ export function mountControls(store, banners) {
     const live = store.get('session')?.live !== false && store.get('connection') === 'open';
     const asked = live && controls !== null && controls.you === controls.holder && controls.asking !== null;
     banners.set('asked', asked ? {
-      kind: 'note', text: 'Somebody else asks for the controls.',
+      kind: 'note', text: 'Somebody else is asking for the controls.',
       actions: [button('Hand over', 'give', act('give'), {class: 'primary'}), button('Keep', null, act('keep'))],
     } : null);
     const free = live && controls !== null && controls.holder === null;

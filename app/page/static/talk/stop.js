@@ -54,7 +54,7 @@ export function mountStop(store, banners) {
     if (sent === null) return;
     const holds = store.holds();
     const go = button('Continue', 'go', () => store.say('go') && over(), {class: 'primary'});
-    const how = holds ? '' : ' Whoever holds the controls lets it go on.';
+    const how = holds ? '' : ' Whoever holds the controls can let it continue.';
     banners.set('stop', {
       kind: 'danger', text: `${confirmed ? 'Stopped: the arm holds still.' : 'STOP was sent.'}${how}`,
       actions: holds ? [go] : [],

@@ -2,18 +2,18 @@
 
 /** Of a word: what its button says, its picture, and what it does. */
 export const WORDS = {
-  takeback: {label: 'Take back', picture: 'takeback', about: 'The arm takes your last move and its own back'},
+  takeback: {label: 'Take back', picture: 'takeback', about: 'The arm takes back your last move and its own'},
   hint: {label: 'Hint', picture: 'hint', about: 'What the engine would play for you'},
   draw: {label: 'Draw', picture: 'draw', about: 'Offer a draw, or claim one'},
-  resign: {label: 'Resign', picture: 'resign', about: 'Give the game up'},
+  resign: {label: 'Resign', picture: 'resign', about: 'Give up the game'},
   pause: {label: 'Pause', picture: 'pause', about: 'Stop the clocks'},
-  go: {label: 'Continue', picture: 'go', about: 'Go on after a pause'},
+  go: {label: 'Continue', picture: 'go', about: 'Continue after a pause'},
   look: {label: 'Look', picture: 'look', about: 'The camera looks at the board'},
   fix: {label: 'Put right', picture: 'fix', about: 'The arm puts the board right'},
   side: {label: 'Change sides', picture: 'side', about: 'The engine plays for you, and you for it'},
-  new: {label: 'New game', picture: 'new', about: 'Give this game up and play another'},
+  new: {label: 'New game', picture: 'new', about: 'Give up this game and play another'},
   keep: {label: 'Play on from the board', picture: 'keep', about: 'Another game begins from what the camera sees'},
-  quit: {label: 'Leave', picture: 'quit', about: "End the program; 'touchmove resume' goes on with the game"},
+  quit: {label: 'Leave', picture: 'quit', about: "End the program; 'touchmove resume' continues the game"},
 };
 
 /** What an answer's button says, where that is not the answer itself. */

@@ -75,8 +75,8 @@ AXES: list[tuple[str, Fault, str, str, str]] = [
     ("brake slack", Fault(slack=2), "axis 3", "turned by", "does not hold"),
     ("zero", Fault(zero=(0.0, FIVE, 0.0)), "axis 2", "-5.0°", "add -0.08"),
     ("encoder dead", Fault(frozen=1), "axis 2", "the other axes feel that its shaft turns", "encoder is dead"),
-    ("torque doubled", Fault(pulls=(2.0, 1.0, 1.0)), "axis 1", "of the torque asked for, 0.66", "torque constant"),
-    ("torque halved", Fault(pulls=(1.0, 1.0, 0.5)), "axis 3", "of the torque asked for, 0.66", "torque constant"),
+    ("torque doubled", Fault(pulls=(2.0, 1.0, 1.0)), "axis 1", "of the commanded torque, 0.66", "torque constant"),
+    ("torque halved", Fault(pulls=(1.0, 1.0, 0.5)), "axis 3", "of the commanded torque, 0.66", "torque constant"),
     ("ratio", Fault(reads=(0.5, 1.0, 1.0)), "axis 1", "of the motion", "ratio of joint 1"),
     ("a bit", Fault(reads=(1.0, 2.0, 1.0)), "axis 2", "of the motion", "encoder_bits"),
     ("motor off", Fault(pulls=(1.0, 0.0, 1.0)), "axis 2", "reaches it", "no power"),
@@ -138,14 +138,14 @@ def test_devices_names_what_the_drives_and_sensors_lack(wall: Wall, fault: Fault
 def test_the_watchdog_is_measured(wall: Wall) -> None:
     found = next(one for one in devices(FaultyBus(wall, Fault())) if one.what == "watchdog")
     assert found.state is CheckState.GOOD
-    assert "bites after 39 to 44 ms" in found.found
+    assert "trips after 39 to 44 ms" in found.found
 
 
 def test_whole_arms_that_changed_places_show_in_the_measured_tool(wall: Wall) -> None:
     """Motor and encoder of one axis agree then, and only a pose that is not symmetric tells."""
     bus = FaultyBus(wall, Fault(encoders=(0, 2, 1), motors=(0, 2, 1)), None, ASIDE)
     first = wrong(axes(bus))[0]
-    assert "arms 2 and 3 changed places" in first.found
+    assert "arms 2 and 3 were exchanged" in first.found
 
 
 def test_coarse_scales_of_all_encoders_end_by_time(wall: Wall) -> None:

@@ -44,7 +44,7 @@ def states(out: str) -> dict[CommissionStep, StepState]:
 
 def test_mistakes_are_one_sentence(lab: Path) -> None:
     for options, said in (
-        (("--from", "dance"), "is no step, choose from: devices, axes"),
+        (("--from", "dance"), "is not a step, choose from: devices, axes"),
         (("--measured-tool", "here"), "give x,y,height"),
         (("--from", "game", "--yes"), "step game is refused: step devices comes before it"),
     ):

@@ -128,7 +128,7 @@ def test_the_file_is_read_as_the_robot_that_was_found(tmp_path: Path) -> None:
     write_robot(path, text)
     assert load_parameters(path) == found().parameters
     assert "identified, ±" in text
-    assert "The data could tell all of them" in text
+    assert "The data determined all of them" in text
     assert "assumed" in text
     assert tomllib.loads(text)["geometry"] == BELIEVED.geometry.model_dump()
     assert list(tmp_path.iterdir()) == [path]

@@ -64,7 +64,7 @@ def test_a_finger_elsewhere_is_missed() -> None:
 
 
 def test_a_refused_move_is_told() -> None:
-    with pytest.raises(RuntimeError, match="the controller did not carry the move out: a sample lies"):
+    with pytest.raises(RuntimeError, match="the controller did not carry out the move: a sample lies"):
         meet(FREE._replace(end=np.array([0.35, 0.0, 0.1])), PROFILES["default"][0])
 
 

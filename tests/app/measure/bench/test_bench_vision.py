@@ -95,6 +95,6 @@ def test_a_random_game_is_a_game_and_repeats():
 def test_photographs_are_looked_at_by_one_bench_only(tmp_path):
     with pytest.raises(UserError, match="looks at no photographs"):
         run_bench("law", quick=True, progress=quiet, photos=tmp_path)
-    with pytest.raises(UserError, match="is no folder"):
+    with pytest.raises(UserError, match="is not a folder"):
         run_bench("vision", quick=True, progress=quiet, photos=tmp_path / "nowhere")
     assert photo_folder(tmp_path) == tmp_path

@@ -135,7 +135,7 @@ def test_numbers_in_names_count_as_numbers(tmp_path):
         ("[]", "labels: Input should be a valid dictionary"),
         ("{", "cannot be read"),
         ('{"schema": "other/1"}', "schema"),
-        ('{"schema": "chess-seq/1", "initial_fen": "nonsense"}', "is no position"),
+        ('{"schema": "chess-seq/1", "initial_fen": "nonsense"}', "is not a position"),
     ],
 )
 def test_wrong_labels_are_refused(tmp_path, labels, words):
@@ -151,7 +151,7 @@ def test_usage_is_refused_in_a_sentence(tmp_path):
     drawn.mkdir()
     make(drawn, "e4", labelled=False)
     for arguments, words in (
-        (["vision", str(tmp_path / "nowhere")], "is no folder"),
+        (["vision", str(tmp_path / "nowhere")], "is not a folder"),
         (["vision", str(empty)], "no pictures"),
         (["vision", str(empty), "--corners", "guess"], "find, labels"),
         (["vision", str(drawn), "--corners", "labels"], "no labels.json"),

@@ -86,7 +86,7 @@ def test_where_nobody_asks_nobody_holds_them_and_anybody_takes_them() -> None:
 
 def test_they_are_handed_over() -> None:
     here = holding(1, 2, 3).asked(2)
-    with pytest.raises(ControlsRefused, match="somebody else has asked"):
+    with pytest.raises(ControlsRefused, match="somebody else has already asked"):
         here.asked(3)
     given = here.given(1)
     assert (given.holder, given.asking) == (2, None)

@@ -146,13 +146,13 @@ def test_others_are_let_in_only_with_a_password_and_tls(tmp_path: Path) -> None:
     PasswordHash.of("long enough for all").save(tmp_path / "password")
     known = {"password": tmp_path / "password"}
     for settings, sentence in (
-        ({"host": "0.0.0.0"}, "wants a password: 'touchmove page --set-password FILE' makes one"),
-        ({"host": "0.0.0.0", **known}, "wants a TLS proxy before it"),
-        ({"host": "0.0.0.0", "address": "http://robot.example", **known}, "wants a TLS proxy before it"),
+        ({"host": "0.0.0.0"}, "needs a password: 'touchmove page --set-password FILE' makes one"),
+        ({"host": "0.0.0.0", **known}, "needs a TLS proxy in front of it"),
+        ({"host": "0.0.0.0", "address": "http://robot.example", **known}, "needs a TLS proxy in front of it"),
         ({"address": "https://robot.example"}, "wants a password"),
-        ({"address": "robot.example", **known}, "write what the browser shows"),
-        ({"address": "https://robot.example/page", **known}, "write what the browser shows"),
-        ({"host": "192.0.2.1", "address": "https://robot.example", **known}, "nobody can listen at 192.0.2.1"),
+        ({"address": "robot.example", **known}, "write it as the browser shows it"),
+        ({"address": "https://robot.example/page", **known}, "write it as the browser shows it"),
+        ({"host": "192.0.2.1", "address": "https://robot.example", **known}, "cannot listen on 192.0.2.1"),
     ):
         with pytest.raises(PageRefused, match=sentence):
             open_entrance(PageSection(port=0, **settings))
