@@ -24,15 +24,15 @@ _OWNER: Final = ".owner"
 def scratch_folder(seed: int) -> Iterator[Path]:
     """A folder for a game; gone afterwards, with whatever still runs in it."""
     clear_left_behind()
-    with tempfile.TemporaryDirectory(prefix=".touchmove-new-") as name, (Path(name) / _OWNER).open("wb") as owner:
-        fcntl.flock(owner, fcntl.LOCK_EX)
-        new = Path(name)
-        folder = new.rename(new.with_name(new.name.replace(".touchmove-new-", f"{PREFIX}{seed}-")))
-        new.mkdir()  # for the context manager, which clears it away
-        try:
+    folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{seed}-"))
+    try:
+        new = folder / f"{_OWNER}.new"
+        with new.open("wb") as owner:
+            fcntl.flock(owner, fcntl.LOCK_EX)
+            new.rename(folder / _OWNER)  # whoever finds it finds it locked
             yield folder
-        finally:
-            _clear(folder)
+    finally:
+        _clear(folder)
 
 
 def clear_left_behind() -> None:
