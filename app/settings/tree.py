@@ -71,105 +71,107 @@ class RigSection(_Section):
     """``[rig]``: what the game is played on, and how the arm moves."""
 
     name: str = SIMULATED
-    """sim, a simulation of our own; board, without physics, camera or arm; or the TOML file of a lab's rig."""
+    """sim: a simulation that the program starts; board: no physics, camera or arm; or the TOML file of a lab's rig."""
     pace: Pace | None = None
-    """Of a simulation of our own: real (the default), by the wall clock; fast, as fast as the machine can. A rig file
-    says its own."""
+    """Pace of the simulation: real (the default): by the wall clock; fast: as fast as the machine can. A rig file has
+    its own pace."""
     processes: Processes = Processes.TOGETHER
-    """Of a simulation of our own in pace fast: together, world and controller in one process; separate, each in its
-    own, as in pace real. Both come to the same in every bit."""
+    """In pace fast: together: the simulation's world and controller in one process; separate: each in its own, as in
+    pace real. The results are identical to the last bit."""
     drives: Drives = Drives.SIM
-    """What moves the arm of a simulation of our own: sim, drives of its own; moteus or ethercat, emulated drives by
-    their real driver, in pace real."""
+    """Drives of the simulated arm: sim: the simulation's own; moteus or ethercat: emulated drives behind their real
+    driver, in pace real."""
     profile: Profile | None = None
-    """How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast where the guard
-    sees nobody near, else as default. Left out: separation in a simulation of our own that is guarded, else default."""
+    """How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation (fast while the guard
+    sees nobody near, otherwise as default). If left out: separation in a guarded simulation, otherwise default."""
     seed: Annotated[int, Field(ge=0, lt=1 << 63)] = SEED
-    """Chooses the opening of two engines, and all randomness of a simulation."""
+    """Seed for the opening of two engines and all randomness of a simulation."""
     square: PositiveFloat | None = None
-    """Side of a square of a simulation of our own [mm]; the default board if left out. A larger board stands nearer to
-    the robot."""
+    """Side of a square of the simulated board [mm]; if left out, the default board. Larger boards stand nearer to the
+    robot."""
     pads: PadKind = PadKind.GROOVED
-    """What the fingers of a simulation of our own end in: grooved, or flat."""
+    """Finger pads of the simulated robot: grooved or flat."""
     captured: Captured | None = None
-    """Where captured pieces go on the table of a simulation of our own: tray (the default), to places of their own;
-    box, dropped. A rig file says its own."""
+    """Where captured pieces go in a simulation: tray (the default): onto places of their own; box: dropped into a box.
+    A rig file has its own setting."""
     randomise: Path | None = None
-    """TOML file that says how a simulation of our own differs from what the game believes of it. Left out: mildly, as a
-    careful lab would (``AS_A_LAB``) …"""
+    """TOML file that says how the simulation differs from what the game believes. If left out: slightly, like a careful
+    lab (``AS_A_LAB``)."""
     ideal: bool = False
-    """… or, if so, not at all, but for pieces that stand where people put them."""
+    """The simulation matches exactly what the game believes, except for pieces that people have put down."""
     person: Colour | None = None
-    """A simulated person sits at this side of a simulation of our own, though nobody plays by hand: their hand does
-    what a program of its own has it do."""
+    """A simulated person sits at this side, although nobody plays by hand: a separate program moves their hand."""
     linger: NonNegativeFloat = LINGER
-    """If the game's program is killed: how long the arm waits for another one, before it is put on its brakes [s]."""
+    """How long the arm waits for another program if the game's is killed, before it goes onto its brakes [s]."""
     port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
+<<<<<<< HEAD
     """UDP port of our own controller; 0: any that is free."""
     relay: Annotated[int, Field(ge=1, le=65535)] | None = None
     """UDP port on this computer at which our own controller is reached: of a relay that makes the link worse, as it may
     be in a lab. Left out: the controller's."""
+=======
+    """UDP port of the controller that the program starts; 0: any free one."""
+>>>>>>> english
     journal: bool = False
-    """A simulation of our own keeps every command, so that its ticks can be done again."""
+    """The simulation keeps every command, so that its ticks can be repeated."""
     cameras: bool = True
-    """A simulation of our own is drawn. False: it needs no OpenGL and is faster, but nothing is seen, filmed or kept as
-    a picture."""
+    """Draw the simulation. false needs no OpenGL and is faster, but nothing is seen, filmed or kept as a picture."""
     video: bool = True
     """Film the first part of a game in a simulation."""
     video_length: Annotated[float, Field(ge=1.0)] = 40.0
-    """Longest film, in plant time [s]."""
+    """Maximum length of the film, in plant time [s]."""
 
 
 class GameSection(_Section):
-    """``[game]``: where it starts, and how long it goes on."""
+    """``[game]``: where it starts, and how long it lasts."""
 
     fen: str | None = None
-    """Start from this position; the usual one if left out."""
+    """Start from this position; if left out, the usual one."""
     chess960: bool = False
-    """Castling by the rules of Chess960; needed where the start position castles from other squares than usual."""
+    """Castle by the rules of Chess960; needed if king and rooks do not start on their usual squares."""
     standing: str | None = None
-    """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. Left out: the
-    start position stands there already."""
+    """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. If left out:
+    the start position is already there."""
     from_board: bool = False
-    """Start from whatever position a person has put on the board: the camera tells the pieces, and the person whose
-    move it is. In a simulation ``standing`` stands there, else the usual position."""
+    """Start from whatever position a person has put on the board: the camera identifies the pieces, and the
+    person says whose move it is. In a simulation, ``standing`` or the usual position stands there."""
     moves: str | None = None
     """Play this line (SAN or UCI) instead of asking players."""
     replay: Path | None = None
-    """Play the games of this PGN file again, or that of this folder."""
+    """Play the games of this PGN file again, or the game of this folder."""
     replay_game: PositiveInt | None = None
-    """Of those only this one, from 1."""
+    """Replay only this game, counted from 1."""
     from_ply: PositiveInt = 1
-    """Of those only from this ply on, from 1."""
+    """Begin the replay with this ply, counted from 1."""
     plies: NonNegativeInt = 300
-    """End after so many plies; 0: only set the start position up."""
+    """End after this many plies; 0: only set up the start position."""
     games: PositiveInt = 1
-    """So many games one after the other; the arm sets the pieces up in between."""
+    """Number of games; the arm sets up the pieces in between."""
 
 
 class EngineSection(_Section):
     """``[engine]``: the UCI engines that play."""
 
     path: str | None = None
-    """Of any UCI engine; Stockfish if left out."""
+    """Path of any UCI engine; if left out, Stockfish."""
     move_time: Annotated[float, Field(gt=0.0, le=86400.0)] | None = None
-    """Thinking time per move [s], a day at most; with a clock the longest. Left out: 0.2 s where there is no clock."""
+    """Thinking time per move [s], a day at most; with a clock, the maximum. If left out: 0.2 s without a clock."""
     nodes: Annotated[int, Field(ge=1, lt=1 << 63)] | None = None
-    """Think so many nodes instead: a run then repeats exactly, at full strength."""
+    """Search this many nodes instead of thinking for a time: at full strength a run then repeats exactly."""
     threads: PositiveInt = THREADS
-    """Of the search; more than one, and no run repeats exactly."""
+    """Threads of the search; with more than one, no run repeats exactly."""
     hash_mb: PositiveInt = HASH_MB
     """Memory of the search [MiB]."""
     ponder: bool | None = None
-    """Think while others move. Left out: in a game with a clock."""
+    """Think while others move. If left out: only in a game with a clock."""
     options: dict[str, OptionValue] = Field(default_factory=dict)
     """Further UCI options by name, as the engine offers them."""
     book: Path | None = None
-    """Opening book in Polyglot's format; without one two engines choose an opening by the seed."""
+    """Opening book in Polyglot's format; without one, the seed selects an opening for two engines."""
     book_plies: PositiveInt = 20
-    """The book is asked in the first plies only."""
+    """Number of plies at the start in which the book is used."""
     resigns: bool = False
-    """Whether it gives up a lost game. People like to see a game end on the board."""
+    """Whether the engine resigns a lost game. People like to see a game end on the board."""
 
 
 class SideSection(_Section):
@@ -178,62 +180,63 @@ class SideSection(_Section):
     player: PlayerKind = PlayerKind.ENGINE
     """engine or human."""
     elo: PositiveInt | None = None
-    """Strength of the engine; full strength if left out."""
+    """Strength of the engine; if left out, full strength."""
     skill: NonNegativeInt | None = None
-    """Strength of the engine by its Skill Level, 0 to 20 of Stockfish, for less than its lowest Elo."""
+    """Strength of the engine by its Skill Level (Stockfish: 0 to 20), for play below its lowest Elo."""
     path: str | None = None
-    """Of this side's own engine."""
+    """Path of this side's own engine."""
     book: Path | None = None
-    """Of this side's own."""
+    """This side's own opening book."""
     time: str | None = None
-    """Time control of this side, if it is another one than the clock's."""
+    """Time control of this side, if it differs from the clock's."""
 
 
 class ClockSection(_Section):
     """``[clock]``."""
 
     time: str | None = None
-    """Time control: 5+3 (minutes and seconds a move), 15+10, 0:30+1, 40/90+30,30+30; no clock if left out."""
+    """Time control: 5+3 (minutes and seconds per move), 15+10, 0:30+1, 40/90+30,30+30; if left out, no clock."""
     arm_time: ArmTime = ArmTime.NOBODY
-    """Who pays for the arm's motion: nobody, or own, the side for which it moves. Even then no flag falls by it."""
+    """Whose clock runs during the arm's motion: nobody's, or own: that of the side for which it moves. No flag falls
+    because of it in either case."""
 
 
 class VisionSection(_Section):
-    """``[vision]``: what the camera is used for, where there is one."""
+    """``[vision]``: what the camera is used for, if there is one."""
 
     verify: bool | None = None
-    """Compare the board with the game after each ply of the arm, and mend what is wrong. Left out: in a lab, and in
-    every game against a human."""
+    """Compare the board with the game after each ply of the arm, and repair errors. If left out: in a lab, and in every
+    game against a human."""
     guard: bool | None = None
-    """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab, and in every game
-    against a human."""
+    """Watch for hands all the time, and hold the arm while one is over the board. If left out: in a lab, and in every
+    game against a human."""
     guard_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 30.0
-    """Frames a second that a simulated camera draws for that; a lab's camera has a rate of its own [1/s]."""
+    """Frame rate of a simulated camera for the guard; a lab's camera has its own rate [1/s]."""
     calibration: Path | None = None
-    """How the camera hangs and the board lies, as 'touchmove calibrate' wrote it. Left out: the file that a lab's rig
-    file names, where there is one; a simulation of our own is believed to be as it is meant."""
+    """File of 'touchmove calibrate' with the poses of camera and board. If left out: the file that a lab's rig file
+    names, if any; a simulation is believed to be as specified."""
 
 
 class TerminalSection(_Section):
     """``[terminal]``: what is shown and said there."""
 
     speak: bool = False
-    """Moves and requests are spoken aloud, by espeak-ng."""
+    """Speak moves and requests aloud, with espeak-ng."""
 
 
 class PageSection(_Section):
     """``[page]``: what a browser is shown, and who may look."""
 
     on: bool = True
-    """Games against a person, and between engines, can be watched and played in a browser."""
+    """Show games in a browser, where people can also play them."""
     host: IPv4 = LOOPBACK
-    """IPv4 address to listen at; any other than a loopback one wants a password."""
+    """IPv4 address to listen on; any except a loopback address needs a password."""
     port: Annotated[int, Field(ge=0, le=65535)] = 8064
-    """TCP port; where another game's page has it, any that is free. 0: any that is free."""
+    """TCP port; if another game's page uses it, any free one. 0: any free one."""
     password: Path | None = None
-    """File that 'touchmove page --set-password FILE' wrote; who does not know the password sees nothing."""
+    """File written by 'touchmove page --set-password FILE'; without the password nobody sees anything."""
     address: str | None = None
-    """What the browser's address line shows where a proxy stands before the page, such as https://robot.example."""
+    """Address that the browser shows if a proxy stands in front of the page, such as https://robot.example."""
 
 
 class Settings(_Section):
@@ -249,7 +252,7 @@ class Settings(_Section):
     terminal: TerminalSection = TerminalSection()
     page: PageSection = PageSection()
     out: Path | None = None
-    """Folder of the record; games/<time> if left out."""
+    """Folder of the record; if left out, games/<time>."""
 
     def side(self, white: bool) -> SideSection:
         """Of a colour, as python-chess has it (True is white)."""

@@ -42,5 +42,5 @@ def test_the_record_of_an_earlier_controller_is_none(run_dir: Path) -> None:
 def test_where_none_comes_it_is_said(run_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(survey, "_FILE_PATIENCE", 0.05)
     client: object = AskedController(run_dir, writes=False)
-    with pytest.raises(NoRecord, match="the controller's record did not come to"):
+    with pytest.raises(NoRecord, match="the controller's record did not appear in"):
         survey.fetch_record(client, run_dir)  # type: ignore[arg-type]
