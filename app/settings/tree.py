@@ -104,14 +104,10 @@ class RigSection(_Section):
     linger: NonNegativeFloat = LINGER
     """How long the arm waits for another program if the game's is killed, before it goes onto its brakes [s]."""
     port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
-<<<<<<< HEAD
-    """UDP port of our own controller; 0: any that is free."""
+    """UDP port of the controller that the program starts; 0: any free one."""
     relay: Annotated[int, Field(ge=1, le=65535)] | None = None
     """UDP port on this computer at which our own controller is reached: of a relay that makes the link worse, as it may
     be in a lab. Left out: the controller's."""
-=======
-    """UDP port of the controller that the program starts; 0: any free one."""
->>>>>>> english
     journal: bool = False
     """The simulation keeps every command, so that its ticks can be repeated."""
     cameras: bool = True
