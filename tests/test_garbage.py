@@ -258,7 +258,10 @@ def _assert_one_sentence(arguments: list[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("demo --rig board --square 59", "--square has no effect here, it is for its own simulation (--rig sim)"),
+        (
+            "demo --rig board --square 59",
+            "--square has no effect here, it is for a simulation that this program starts (--rig sim)",
+        ),
         ("demo --rig board --video", "--video has no effect here, it is for a simulation that this program starts"),
         (
             "demo --no-video --video-length 9",
@@ -287,5 +290,5 @@ def test_settings_of_a_file_without_effect_are_said(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["demo", "--config", str(file), "--headless", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines() == [
-        "touchmove: --square has no effect here, it is for its own simulation (--rig sim): leave it out"
+        "touchmove: --square has no effect here, it is for a simulation that this program starts (--rig sim): leave it out"
     ]
