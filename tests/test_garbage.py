@@ -290,5 +290,6 @@ def test_settings_of_a_file_without_effect_are_said(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["demo", "--config", str(file), "--headless", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines() == [
-        "touchmove: --square has no effect here, it is for a simulation that this program starts (--rig sim): leave it out"
+        "touchmove: --square has no effect here, it is for a simulation that this program starts (--rig sim): "
+        "leave it out"
     ]
