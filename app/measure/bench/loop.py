@@ -31,7 +31,6 @@ from app.rig.simulation.timed import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
-from hardware.parameters import load_parameters
 
 SEED: Final = 1
 DURATION: Final = {True: 15.0, False: 60.0}  # how long the arm moves [s], by ``quick``
@@ -127,7 +126,8 @@ def sweep(timed: TimedRig, arm: Arm, duration: float) -> int:
         if time.monotonic() >= until:
             break
         try:
-            arm.execute(Plan("sweep", (sweep_motion(arm.state().reference, np.array(target), timed.motion),)))
+            motion = sweep_motion(arm.state().reference, np.array(target), timed.motion, timed.tick)
+            arm.execute(Plan("sweep", (motion,)))
         except (ControllerError, ArmPaused) as error:
             if timed.rig.failure() is not None:
                 raise UserError(f"the bench was cut short: {timed.rig.failure()}") from error
@@ -136,9 +136,12 @@ def sweep(timed: TimedRig, arm: Arm, duration: float) -> int:
     return stopped
 
 
-def sweep_motion(start: Vector, end: Vector, settings: MotionSettings) -> Motion:
-    """One straight motion from the present reference at the speed of a game, base frame (3,) [m], fingers at rest."""
-    bounds, tick = Bounds(settings.speed, settings.acceleration, settings.jerk), load_parameters().drive.tick
+def sweep_motion(start: Vector, end: Vector, settings: MotionSettings, tick: float) -> Motion:
+    """One straight motion from the present reference at the speed of a game, base frame (3,) [m], fingers at rest.
+
+    ``tick`` is that of the drives [s]: of samples for another one the controller finds that positions jump.
+    """
+    bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
     samples = straight(start, end, bounds, settings.gains.frequency_in_air, tick)
     return Motion("sweep", samples, len(samples) * tick)
 

@@ -75,7 +75,7 @@ class RunEnd:
 
 
 class TimedRig:
-    """Devices for measurements of time, their rig file, and how the arm moves on them; see ``timed_rig``."""
+    """Devices for measurements of time, their rig file, tick [s], and how the arm moves on them; see ``timed_rig``."""
 
     def __init__(
         self, run_dir: Path, seed: int, progress: Callable[[str], None], *, cameras: bool, drives: DrivesSection
@@ -85,6 +85,7 @@ class TimedRig:
         world = WorldSection(seed=seed, cameras=cameras, realtime=True, linger=1.0)
         self.file = own_rig(run_dir, world, {"linger": 5.0}, drives=drives)
         # not what each of hundreds of motions does
+        self.tick = self.file.robot().drive.tick
         self.rig = SimRig(self.file, lambda step: None if self._started else progress(step))
         self._started = True
 

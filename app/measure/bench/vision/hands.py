@@ -179,7 +179,7 @@ def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
     """Move to and fro in one motion that is longer than a hand's way; why it was stopped."""
     at, motions = scene.rig.arm.state().reference, list[Motion]()
     for target in map(np.array, 3 * WAY):
-        motions.append(sweep_motion(at, target, scene.motion))
+        motions.append(sweep_motion(at, target, scene.motion, scene.parameters.drive.tick))
         at = target
     try:
         scene.rig.arm.execute(Plan("sweep", tuple(motions)), lambda _: comer.start() if comer.ident is None else None)

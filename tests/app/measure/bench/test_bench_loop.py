@@ -69,10 +69,12 @@ def test_without_real_time_only_the_arm_is_judged() -> None:
 def test_the_way_lies_above_every_piece_and_begins_and_ends_at_rest() -> None:
     table, settings = TableSettings(), MotionSettings()
     for start, end in zip(WAY, (*WAY[1:], WAY[0]), strict=True):
-        samples = sweep_motion(np.array(start), np.array(end), settings).samples
+        samples = sweep_motion(np.array(start), np.array(end), settings, 0.001).samples
         np.testing.assert_array_equal(samples["position"][0], start)
         np.testing.assert_allclose(samples["position"][-1], end)
         assert not samples["velocity"][[0, -1]].any()
+        moved, mean = np.diff(samples["position"], axis=0), 0.5 * (samples["velocity"][1:] + samples["velocity"][:-1])
+        np.testing.assert_allclose(moved, 0.001 * mean, atol=1e-6)
         assert np.linalg.norm(samples["velocity"], axis=1).max() <= settings.speed * (1.0 + 1e-9)
         assert (samples["stiffness"] == settings.gains.frequency_in_air**2).all()
         heights = table.board_from_base(samples["position"])[:, 2]
@@ -97,7 +99,7 @@ class FakeArm:
 
 
 def a_rig(arm: FakeArm, failure: str | None = None) -> Any:
-    return SimpleNamespace(rig=SimpleNamespace(arm=arm, failure=lambda: failure), motion=MotionSettings())
+    return SimpleNamespace(rig=SimpleNamespace(arm=arm, failure=lambda: failure), motion=MotionSettings(), tick=0.001)
 
 
 def test_a_stopped_motion_is_counted_and_the_next_one_begins_where_the_arm_rests(
