@@ -116,6 +116,9 @@ class RigSection(_Section):
     a picture."""
     video: bool = True
     """Film the first part of a game in a simulation."""
+    positions: bool = False
+    """A simulation keeps where everything was (``positions.bin``), also where nothing is drawn: films and pictures of
+    it can be made later."""
     video_length: Annotated[float, Field(ge=1.0)] = 40.0
     """Longest film, in plant time [s]."""
 
