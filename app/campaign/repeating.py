@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from app import UserError
@@ -12,9 +12,12 @@ from app.campaign.folder import kept_campaign
 from app.campaign.ledger import ledgers_in, results_in
 from app.campaign.running import engine_of, files_of, require_games
 from app.campaign.schema import GAMES_FOLDER, MEASURED, GameRow, TaskResult
+from app.campaign.tasks.playing import GAME
 from app.campaign.workers.local import LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
 from app.campaign.workers.worker import play_again
+from app.records.files import TRAJECTORY_FILE
+from app.rig.simulation.film import FilmWish, default_output, draw_film
 from hardware.frozen import Frozen
 
 
@@ -60,14 +63,15 @@ class Repetition(Frozen):
             yield "it was played on another kind of processor, whose sums may differ in the last bit"
 
 
-def repeat_seed(folder: Path, seed: int, output: Path, film: bool) -> Repetition:
+def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callable[[float, float], None]) -> Repetition:
     """Play a seed again.
 
     Args:
         folder: of the campaign.
         seed: of the game.
         output: where its folder is to lie; must not be there.
-        film: with cameras, and a film of all of it.
+        film: it is filmed, from beginning to end.
+        drawn: told how much of the film is drawn, and how much there is [s].
 
     Raises:
         UserError: there is no such campaign or seed, or the folder is taken.
@@ -88,6 +92,9 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool) -> Repetition
         workers.stop()
         raise
     workers.shutdown()
+    if film:
+        positions = output / GAME / TRAJECTORY_FILE
+        draw_film(FilmWish(positions=positions, output=default_output(output / GAME, "film")), drawn)
     return Repetition(
         folder=output, before=None if before is None else before.game, now=now.game,
         different=() if before is None else _different(before, now),

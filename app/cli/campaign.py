@@ -112,7 +112,7 @@ def repeat(
 
     take_interrupts()
     try:
-        found = repeat_seed(folder, seed, output or usual_output(folder, seed), film)
+        found = repeat_seed(folder, seed, output or usual_output(folder, seed), film, lambda _drawn, _whole: None)
     except UserError as error:
         fail(str(error))
     except KeyboardInterrupt:

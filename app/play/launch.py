@@ -317,6 +317,7 @@ def _start(settings: Settings) -> str | None:
 
 def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
     section = rig_setup.section
-    if not (section.video and section.cameras and rig_setup.simulated):
+    filmed = section.video and section.cameras
+    if not (rig_setup.simulated and (filmed or section.positions)):
         return None
-    return Filming(folder, section.video_length)
+    return Filming(folder, section.video_length if filmed else None)

@@ -37,11 +37,11 @@ class Filming:
 
     Attributes:
         folder: of the session: positions are recorded there while it is played.
-        longest: of the film [s].
+        longest: of the film [s]; None: it is left to whoever wants one.
     """
 
     folder: Path
-    longest: float
+    longest: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ def run_session(
     result = _result(so_far, rested=last is not None)
     if so_far.interrupted:
         raise Interrupted(folder)
-    if filming is not None and not so_far.failures:
+    if filming is not None and filming.longest is not None and not so_far.failures:
         _draw(filming, ui)
     holds = result.holds and all(one.holds for one in done)
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))

@@ -130,7 +130,7 @@ class RemoteRig:
     def record_positions(self, path: Path) -> PositionRecording | None:
         """See ``Rig.record_positions``."""
         rig = self._rig
-        return TrajectoryRecording(rig.run_dir, path, FILM_TICKS) if rig.simulated and rig.sees else None
+        return TrajectoryRecording(rig.run_dir, path, FILM_TICKS) if rig.simulated else None
 
     def failure(self) -> str | None:
         """A sentence on a controller that does not answer any more or a world that has ended; none once it is left."""

@@ -114,6 +114,9 @@ class RigSection(_Section):
     """Draw the simulation. false needs no OpenGL and is faster, but nothing is seen, filmed or kept as a picture."""
     video: bool = True
     """Film the first part of a game in a simulation."""
+    positions: bool = False
+    """A simulation keeps where everything was (``positions.bin``), also where nothing is drawn: films and pictures of
+    it can be made later."""
     video_length: Annotated[float, Field(ge=1.0)] = 40.0
     """Maximum length of the film, in plant time [s]."""
 

@@ -42,7 +42,7 @@ def play_here(task: CampaignTask, folder: Path, film: bool) -> TaskStory:
     Args:
         task: what is played; its program is not killed.
         folder: of the task, which is empty.
-        film: with cameras, and a film of all of it; the same in every bit.
+        film: so that it can be filmed afterwards.
 
     Raises:
         GameDied: world or controller did not start.
@@ -72,7 +72,7 @@ def prepared(task: CampaignTask, folder: Path, film: bool) -> Iterator[tuple[Set
         changes["rig.randomise"] = folder / _WORLD
         (folder / _WORLD).write_text(as_toml(world), encoding="utf-8")
     if film:
-        changes |= {"rig.cameras": True, "rig.video": True, "rig.video_length": 86400.0}
+        changes["rig.positions"] = True
     with ExitStack() as stack:
         relay = None
         if task.faults.link_loss:

@@ -14,11 +14,11 @@ class TrajectoryRecording(wire.WorldClient):
         """Begin.
 
         Args:
-            run_dir: of the world; ``HardwareError`` where none answers, it has no cameras, or cannot write the file.
+            run_dir: of the world; ``HardwareError`` where none answers, or it cannot write the file.
             path: of the file, which must not be there yet; on the world's own computer.
             ticks: a frame at every multiple of so many.
         """
-        super().__init__(run_dir, "camera")
+        super().__init__(run_dir, "positions")
         with contextlib.ExitStack() as failing:
             failing.callback(self.close)
             wire.ask(self._link, {"record": str(path.absolute()), "record_ticks": ticks})

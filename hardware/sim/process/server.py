@@ -95,7 +95,7 @@ class World:
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {
             "servo": self._drives, "camera": self._cameras, "clock": self._clocks, "referee": referees, "stage": stage,
-            "hand": self._hand,
+            "hand": self._hand, "positions": self._cameras.positions,
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None

@@ -15,7 +15,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.cameras.recordings import PositionRecordings
+from hardware.sim.process.cameras.recordings import PositionRecordings, PositionService
 from hardware.sim.process.cameras.video_stream import PATIENCE, StreamClient
 from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
@@ -78,6 +78,7 @@ class CameraService(Service):
         self._views: dict[Visitor, _View] = {}
         self._stream_clients: dict[Visitor, StreamClient] = {}
         self._recordings = PositionRecordings(plant, run_dir, stage)
+        self.positions = PositionService(facts, self._recordings, self._plan)
         self._slots = 0
         self._absent, self._lost = "this world was started without cameras", False
 
@@ -105,7 +106,7 @@ class CameraService(Service):
         elif isinstance(request, wire.Taken):
             view.taken = True
         elif isinstance(request, wire.RecordWish | wire.RecordEnd):
-            self._recordings.hear(visitor, request)
+            visitor.tell({"error": "the cameras write no positions down: ask for the role positions"})
         elif self._renderer is None:
             visitor.tell({"error": self._absent})
         elif request.camera not in CAMERAS:
@@ -140,7 +141,6 @@ class CameraService(Service):
         """See ``Service``."""
         del self._views[visitor]
         self._stream_clients.pop(visitor, None)
-        self._recordings.end(visitor)
         self._plan()
 
     def _watch(self, view: _View, request: wire.WatchWish) -> None:

@@ -1,13 +1,15 @@
 """Positions that are written down while plant time runs, so that a film can be drawn later: nothing waits for them."""
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.trajectory import TrajectoryHeader, TrajectoryWriter
-from hardware.sim.process.connections import Visitor
+from hardware.sim.process.connections import Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.settings import load_settings
 
@@ -76,3 +78,28 @@ class PositionRecordings:
         """End all files."""
         for visitor in list(self._files):
             self.end(visitor)
+
+
+class PositionService(Service):
+    """Positions for who wants them written down, also in a world without cameras: role ``positions``.
+
+    ``planned`` is called whenever another frame may be due.
+    """
+
+    def __init__(self, facts: dict[str, Any], recordings: PositionRecordings, planned: Callable[[], None]) -> None:
+        super().__init__(facts)
+        self._recordings, self._planned = recordings, planned
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        request = wire.CAMERA_REQUEST.validate_json(message)
+        if isinstance(request, wire.RecordWish | wire.RecordEnd):
+            self._recordings.hear(visitor, request)
+            self._planned()
+        else:
+            visitor.tell({"error": "here positions are written down: ask the cameras for pictures"})
+
+    def leave(self, visitor: Visitor) -> None:
+        """See ``Service``."""
+        self._recordings.end(visitor)
+        self._planned()
