@@ -43,7 +43,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
 ) -> None:
     rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port(), linger=1.0)
     controller = by_hand(rig)
-    assert "made the key" in controller.said()
+    assert "created the key" in controller.said()
     assert (rig.parent / "touchmove.key").stat().st_mode & 0o777 == 0o600
 
     report = game(rig, tmp_path / "one", "e4")

@@ -88,7 +88,7 @@ def test_fingers_that_close_around_the_next_piece_do_not_hold_the_last_one() -> 
 @pytest.mark.parametrize("place", ["source", "target"])
 def test_fingers_that_feel_nothing_on_the_way_have_lost_it(place: str, finger: float) -> None:
     there = getattr(PLY.transfers[1], place)
-    with pytest.raises(PieceLost, match="lost the white pawn on its way from e4 to d5: set it on e4 by hand"):
+    with pytest.raises(PieceLost, match="lost the white pawn on the way from e4 to d5: set it on e4 by hand"):
         progress(1, Stage.CARRY, arm(there, 0.08, finger, 0.0))
 
 
