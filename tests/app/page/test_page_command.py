@@ -83,7 +83,7 @@ def test_a_folder_without_games_is_said_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--host", "0.0.0.0"], "wants a password"),
+        (["--host", "0.0.0.0"], "needs a password"),
         (["--host", "house"], "IPv4"),
         (["--password", "missing"], "password file missing cannot be read"),
         (["--port", "99999"], "--port"),

@@ -256,7 +256,7 @@ def test_without_a_controller_there_is_no_stop(page: ServedPage) -> None:
 
 def test_no_more_than_so_many_watch(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(people, "MOST", 1)
-    with page.browser(), pytest.raises(Exception, match=r"1013.*browsers watch already"):
+    with page.browser(), pytest.raises(Exception, match=r"1013.*browsers are already watching"):
         page.browser(OTHER)
     until(lambda: not page.page.hub.watchers)
     with page.browser(OTHER) as again:

@@ -66,7 +66,7 @@ FAULTS: Final = {
     _KINDS.ZERO: ExpectedFinding(CommissionStep.AXES, "to the offset of joint {device}", amounts=(0.0873, -0.0873)),
     _KINDS.ENCODER_DEAD: ExpectedFinding(CommissionStep.AXES, "at drive {device}"),
     _KINDS.ENCODER_SCALE: ExpectedFinding(CommissionStep.AXES, "the ratio of joint {device}", amounts=(0.5, 2.0)),
-    _KINDS.TORQUE_SCALE: ExpectedFinding(CommissionStep.AXES, "of joint {device}, and to", amounts=(0.5, 2.0)),
+    _KINDS.TORQUE_SCALE: ExpectedFinding(CommissionStep.AXES, "of joint {device}, and its", amounts=(0.5, 2.0)),
     _KINDS.BRAKE_STUCK: ExpectedFinding(CommissionStep.AXES, "the brake of axis {device} stays closed"),
     _KINDS.BRAKE_SLIPS: ExpectedFinding(CommissionStep.AXES, "a closed brake does not hold", amounts=(0.2, 0.25)),
     _KINDS.FORCE_DEAD: ExpectedFinding(CommissionStep.DEVICES, "it is dead", (1, 2)),
@@ -74,7 +74,7 @@ FAULTS: Final = {
     _KINDS.TOO_HOT: ExpectedFinding(CommissionStep.DEVICES, "servomotor {device} is too hot"),
     _KINDS.UNDER_VOLTAGE: ExpectedFinding(CommissionStep.DEVICES, "servomotor {device} has too little voltage"),
     _KINDS.SILENT: ExpectedFinding(CommissionStep.DEVICES, "answer"),
-    _KINDS.WATCHDOG_DEAD: ExpectedFinding(CommissionStep.DEVICES, "does not bite"),
+    _KINDS.WATCHDOG_DEAD: ExpectedFinding(CommissionStep.DEVICES, "does not trip"),
 }  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def test_others_are_let_in_only_with_a_password_and_tls(tmp_path: Path) -> None:
         ({"host": "0.0.0.0"}, "needs a password: 'touchmove page --set-password FILE' makes one"),
         ({"host": "0.0.0.0", **known}, "needs a TLS proxy in front of it"),
         ({"host": "0.0.0.0", "address": "http://robot.example", **known}, "needs a TLS proxy in front of it"),
-        ({"address": "https://robot.example"}, "wants a password"),
+        ({"address": "https://robot.example"}, "needs a password"),
         ({"address": "robot.example", **known}, "write it as the browser shows it"),
         ({"address": "https://robot.example/page", **known}, "write it as the browser shows it"),
         ({"host": "192.0.2.1", "address": "https://robot.example", **known}, "cannot listen on 192.0.2.1"),

@@ -64,7 +64,7 @@ def test_any_other_file_is_no_password_file(tmp_path_factory: pytest.TempPathFac
     path = tmp_path_factory.mktemp("password") / "file"
     path.write_bytes(content)
     path.chmod(0o600)
-    with pytest.raises(PasswordFileError, match=r"no password file|another version"):
+    with pytest.raises(PasswordFileError, match=r"not a password file|another version"):
         PasswordHash.load(path)
 
 
