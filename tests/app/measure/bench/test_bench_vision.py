@@ -93,7 +93,7 @@ def test_a_random_game_is_a_game_and_repeats():
 
 
 def test_photographs_are_looked_at_by_one_bench_only(tmp_path):
-    with pytest.raises(UserError, match="looks at no photographs"):
+    with pytest.raises(UserError, match="uses no photographs"):
         run_bench("law", quick=True, progress=quiet, photos=tmp_path)
     with pytest.raises(UserError, match="is not a folder"):
         run_bench("vision", quick=True, progress=quiet, photos=tmp_path / "nowhere")
