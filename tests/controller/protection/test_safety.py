@@ -107,7 +107,7 @@ FAULTS: list[tuple[str, Any, Cause, str]] = [
         Cause.STIFFNESS,
         r"stiffness of 1.5e\+04 1/s² was requested, 0 to 1.44e\+04",
     ),
-    ("stiffness", (4900.0, -1.0, 4900.0), Cause.STIFFNESS, "stiffness of -1 1/s² was asked"),
+    ("stiffness", (4900.0, -1.0, 4900.0), Cause.STIFFNESS, "stiffness of -1 1/s² was requested"),
     ("damping", (-0.1, 140.0, 140.0), Cause.DAMPING, "damping of -0.1 1/s was requested, 0 to 240 1/s are accepted"),
     ("tactile_gain", 11.0, Cause.TACTILE_GAIN, "tactile gain of 11 1/kg was requested, 0 to 10 1/kg are accepted"),
     ("finger_velocity", -0.13, Cause.FINGER_SPEED, "finger velocity of -0.130 m/s was requested, at most 0.120 m/s"),
