@@ -231,7 +231,7 @@ def test_where_nobody_is_there_the_game_ends_and_resume_is_the_go(tmp_path: Path
     assert not done.holds
     assert done.resumable
     assert [failure.reason for failure in done.report.failures] == [
-        f"{SENTENCE}; nobody is there to do it: make sure that it may, then continue with 'touchmove resume'"
+        f"{SENTENCE}; nobody is there to say so: make sure that the arm may move, then continue with 'touchmove resume'"
     ]
     assert arms[0].stopped
     with pytest.MonkeyPatch.context() as patch:
