@@ -102,13 +102,13 @@ def test_a_password_is_asked_for_twice_and_kept_hashed(tmp_path: Path, monkeypat
     monkeypatch.setattr(getpass, "getpass", lambda _: next(answers))
     status, said = run("--set-password", str(tmp_path / "password"))
     assert status == 0
-    assert "holds the password, hashed" in said
+    assert "holds the hashed password" in said
     assert PasswordHash.load(tmp_path / "password").matches(PASSWORD)
 
 
 @pytest.mark.parametrize(
     ("answers", "sentence"),
-    [([PASSWORD, PASSWORD + "!"], "two different passwords"), (["short", "short"], "has 5 characters")],
+    [([PASSWORD, PASSWORD + "!"], "the two passwords differ"), (["short", "short"], "has 5 characters")],
 )
 def test_a_password_that_is_no_good_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: list[str], sentence: str

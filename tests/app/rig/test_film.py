@@ -103,8 +103,12 @@ def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) 
         os.kill(os.getpid(), signal.SIGINT)  # after the first picture
 
     wish = FilmWish(positions=positions_of(recorded), output=tmp_path / FILM_FILE, width=2048, height=2048)
-    with pytest.raises(KeyboardInterrupt):
-        draw_film(wish, interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            draw_film(wish, interrupted)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert len(drawn) == 1
     assert (tmp_path / FILM_FILE).read_bytes() == b"an older one"
     assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]

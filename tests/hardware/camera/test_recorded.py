@@ -83,7 +83,7 @@ def test_what_is_too_far_for_sixteen_bits_has_no_depth(tmp_path: Path) -> None:
 def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
     for name in ("frames", "frames.db3"):
         record(tmp_path / name).close()
-        with pytest.raises(HardwareError, match=r"already holds a recording|exists already"):
+        with pytest.raises(HardwareError, match=r"already holds a recording|already exists"):
             open_recorder(tmp_path / name)
     with pytest.raises(HardwareError, match=r"there is no folder .*: create it first"):
         Db3Recorder(tmp_path / "none" / "a.db3")
