@@ -63,8 +63,7 @@ def test_one_of_them_and_the_rest_of_it(file: Path) -> None:
         ("1. e4 e4 ) Z0 *\n", r"game 1, is not readable PGN: correct the file"),
         (
             '[Variant "Crazyhouse"]\n\n1. e4 e5 *\n',
-            r"game 1, is of the variant Crazyhouse: choose a game of chess or "
-            r"Chess960",
+            r"game 1, is of the variant Crazyhouse: only chess and Chess960 are supported",
         ),
         ('[Variant "Xiangqi"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Xiangqi: only chess and Chess960"),
         ('[Variant "King of the Hill"]\n\n1. e4 *\n', r"game 1, is of the variant King of the Hill"),

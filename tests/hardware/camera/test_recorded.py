@@ -87,7 +87,7 @@ def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
             open_recorder(tmp_path / name)
     with pytest.raises(HardwareError, match=r"there is no folder .*: create it first"):
         Db3Recorder(tmp_path / "none" / "a.db3")
-    with pytest.raises(HardwareError, match=r"end it in \.db3"):
+    with pytest.raises(HardwareError, match=r"it must end in \.db3"):
         Db3Recorder(tmp_path / "a.mkv")
 
 
