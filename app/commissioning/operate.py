@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from pathlib import Path
@@ -16,7 +17,7 @@ from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED
 from controller.wire.client import ControllerClient
-from controller.wire.errors import ControllerError
+from controller.wire.errors import ControllerBusy, ControllerError
 from controller.wire.listener import TelemetryWatch
 
 _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
@@ -31,6 +32,10 @@ _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
 STATUS: Final = "status"
 PRESS_STOP: Final = "press-stop"
 ACTIONS: Final = (STATUS, PRESS_STOP, *_ORDERS)
+
+_LEAVING: Final = 1.5
+"""A program that has just ended still holds the lease for a second: an order waits that long for it [s, wall]."""
+_AGAIN: Final = 0.2  # until it tries again [s, wall]
 
 
 def operate(action: str, rig: str) -> Telemetry:
@@ -52,12 +57,23 @@ def operate(action: str, rig: str) -> Telemetry:
         if action in (STATUS, PRESS_STOP):
             with TelemetryWatch(*address) as watch:
                 return watch.telemetry if action == STATUS else watch.stop()
-        with ControllerClient(*address, name=f"touchmove controller {action}") as client:
-            telemetry = client.telemetry
-            _ORDERS[action](client)
-            return telemetry if action == "shutdown" else client.telemetry
+        deadline = time.monotonic() + _LEAVING
+        while True:
+            try:
+                return _order(address, action)
+            except ControllerBusy:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(_AGAIN)
     except (ControllerError, KeyFileError) as error:
         raise UserError(str(error)) from error
+
+
+def _order(address: tuple[str, int, bytes], action: str) -> Telemetry:
+    with ControllerClient(*address, name=f"touchmove controller {action}") as client:
+        telemetry = client.telemetry
+        _ORDERS[action](client)
+        return telemetry if action == "shutdown" else client.telemetry
 
 
 def status_table(telemetry: Telemetry) -> Table:
