@@ -133,7 +133,7 @@ def test_what_is_no_number_is_a_fault_until_disabled(opened: Opened, bus: EtherC
     assert run(bus, FREE._replace(torque=(math.nan, 0.0, 0.0)), DriveStatus.FAULT | DriveStatus.BRAKED)
     assert bus.fault is not None
     assert bus.fault.trouble is DriveTrouble.NOT_FINITE
-    assert "no number" in opened.told[-1]
+    assert "not a number" in opened.told[-1]
     settle(bus)
 
 

@@ -128,7 +128,7 @@ def jumped(rng: random.Random) -> Fault:
 def unfollowed(rng: random.Random) -> Fault:
     """It is seen where torque is asked for: an arm that swings asks for little twice in a second."""
     number = rng.randint(1, 3)
-    return Fault((number, DriveTrouble.TORQUE_NOT_FOLLOWED), "it says", ("device", "not-followed", number, 0.0),
+    return Fault((number, DriveTrouble.TORQUE_NOT_FOLLOWED), "it reports", ("device", "not-followed", number, 0.0),
                  ("mended", "not-followed", number), within=0.6)  # fmt: skip
 
 

@@ -98,7 +98,7 @@ def world(ordinary: dict[str, Any], tmp_path: Path) -> Iterator[int]:
 
 
 def inside(arguments: list[str], how: dict[str, Any], **also: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", f"{PACKAGE}.inside", *arguments]
+    command = [sys.executable, "-P", "-m", f"{PACKAGE}.enter_namespace", *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False, **how, **also)
 
 
@@ -111,7 +111,7 @@ def test_an_ordinary_user_drives_emulated_devices(world: int, ordinary: dict[str
     outside = [sys.executable, "-P", "-m", "driver", str(world)]
     refused = subprocess.run(outside, capture_output=True, text=True, timeout=120.0, check=False, **how)
     assert refused.returncode
-    assert f"{PACKAGE}.inside {world}" in refused.stderr
+    assert f"{PACKAGE}.enter_namespace {world}" in refused.stderr
 
 
 def test_what_cannot_be_entered_is_one_sentence(ordinary: dict[str, Any]) -> None:
