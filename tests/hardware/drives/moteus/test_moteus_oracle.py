@@ -246,6 +246,7 @@ async def play(port: Path) -> list[dict[int, Any]]:
     return said
 
 
+@pytest.mark.real_time
 def test_the_library_drives_the_emulated_controllers_and_sees_what_our_driver_sees(emulator: Emulator) -> None:
     said = asyncio.run(play(emulator.port))
     *_, before, driven, shorted, gripper, model, first, second, stopped = said

@@ -624,6 +624,7 @@ def wall_for(bus: SimServoBus, duration: float) -> float:
     return time.monotonic() - since
 
 
+@pytest.mark.real_time
 def test_pace_real_keeps_time(real: WorldProcess) -> None:
     bus = SimServoBus(real.run_dir)
     assert not bus.lockstep
@@ -636,6 +637,7 @@ def test_pace_real_keeps_time(real: WorldProcess) -> None:
     leave(bus)
 
 
+@pytest.mark.real_time
 def test_in_pace_real_the_watchdog_trips_on_missing_commands(real: WorldProcess) -> None:
     bus = SimServoBus(real.run_dir)
     for _ in range(20):  # once is enough, unless the machine stumbles
@@ -652,6 +654,7 @@ def test_in_pace_real_the_watchdog_trips_on_missing_commands(real: WorldProcess)
     leave(bus)
 
 
+@pytest.mark.real_time
 def test_in_pace_real_time_goes_on_without_a_controller(real: WorldProcess) -> None:
     with closing(SimClock(real.run_dir)) as clock:
         used, wall = real.cpu_seconds(), time.monotonic()
@@ -666,6 +669,7 @@ def test_in_pace_real_time_goes_on_without_a_controller(real: WorldProcess) -> N
         assert real.cpu_seconds() - used < 0.5 * (time.monotonic() - wall)
 
 
+@pytest.mark.real_time
 def test_in_pace_real_frames_come_when_they_are_due_or_drawn(real: WorldProcess, gl: bool) -> None:
     if not gl:
         pytest.skip(NO_GL)
