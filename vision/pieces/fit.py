@@ -27,6 +27,7 @@ _BY_REGION, _BY_CONTRAST, _BY_PLACE = 0.3, 0.5, 0.1
 the step of evidence across the outline."""
 _ROUNDS: Final = (3, 3)  # of least squares, before and after colours are learnt again from the outlines found
 _ROBUST: Final = 1.2  # edges further than this from where the fitted outline has them count less [px]
+_FAR: Final = 0.004  # so far from its centre, a piece's place is doubted [m]
 _LONGEST: Final = 0.004  # move of one round [m]
 _FIRM: Final = 1e3  # keeps a piece with no edges where it is [px²/m²]
 TALL, FLAT = 0.012, 0.004  # what is higher than the first is no board; what is lower than the second may be [m]
@@ -92,6 +93,21 @@ class Fit:
         if lost.any():  # colours are known better now
             self._search_again(lost)
         self._refine(_ROUNDS[1])
+        far = np.linalg.norm(self.places - self._nominal, axis=1) > _FAR
+        if far.any():
+            self._start_from_centre(far)
+
+    def _start_from_centre(self, far: Mask) -> None:
+        """What was found far off may be another edge that took the outline: fit these from their centres, too.
+
+        The place that looks more like the piece is kept. A piece that is far off does so where it stands.
+        """
+        found, likeness = self.places, self.likeness()
+        self.places = np.where(far[:, None], self._nominal, found)
+        self._refine(sum(_ROUNDS))
+        better = far & (self.likeness() > likeness)
+        self.places = np.where(better[:, None], self.places, found)
+        self._refine(1)
 
     def _search_again(self, lost: Mask) -> None:
         """Look for these pieces once more, from their places' centres; the others stay."""
@@ -219,6 +235,10 @@ class Fit:
         self.places = self.places + move / np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / _LONGEST)
         variance = (weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-3)
         self.spread = np.sqrt(0.5 * np.trace(np.linalg.inv(normal), axis1=1, axis2=2) * variance)
+
+    def likeness(self) -> Array:
+        """How well each piece looks like itself where it was found, support and agreement together, (n,)."""
+        return np.asarray(self.support() + self.agreement())
 
     def support(self) -> Array:
         """Evidence over each silhouette, from -1, surely not the piece, to 1; 0 where nothing is in sight, (n,)."""
