@@ -138,7 +138,7 @@ def in_motion(kind: Drives, duration: float, progress: Progress) -> dict[str, Ro
     """An arm that moves back and forth through a driver for so long [s]."""
     with timed_rig(SEED, progress, drives=EMULATED[kind]) as timed:
         progress(f"moving the arm through {kind} drives for {duration:g} s")
-        stopped = sweep(timed, timed.rig.arm, duration)
+        stopped = sweep(timed, timed.rig.arm, duration, progress)
         end = timed.finish()
     statistics = end.statistics
     limit = MISSED_LIMIT if statistics.realtime.granted else None

@@ -43,7 +43,6 @@ THOUGHT: Final = 0.5  # Stockfish is asked anew after this [s]
 POSITION: Final = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P1B2/2PBPN2/PP1N1PPP/R2Q1RK1 w - - 0 9"
 """A middle game with much to think about."""
 HASH_MB: Final = 64
-RECOVERY: Final = 0.2
 """After a motion that did not end well [s]."""
 
 
@@ -85,7 +84,7 @@ def _measured(
         stack.enter_context(thinking(progress))
         progress(f"moving the arm for {duration:g} s")
         first, before = None if page is None else page.glance(), ProcessorTime.now()
-        stopped = sweep(timed, arm, duration)
+        stopped = sweep(timed, arm, duration, progress)
         stolen = stolen_share(before, ProcessorTime.now())
         rows = {} if page is None or first is None else first.rows_until(page.glance())
         return timed.finish(), stopped, stolen, rows
@@ -119,9 +118,12 @@ def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
     }
 
 
-def sweep(timed: TimedRig, arm: Arm, duration: float) -> int:
-    """Move an arm of a rig back and forth for so long [s, wall]; the number of motions that did not end as planned."""
-    stopped, until = 0, time.monotonic() + duration
+def sweep(timed: TimedRig, arm: Arm, duration: float, progress: Progress) -> int:
+    """Move an arm of a rig back and forth for so long [s, wall]; the number of motions that did not end as planned.
+
+    Why they did not is said, each reason once.
+    """
+    until, reasons = time.monotonic() + duration, list[str]()
     for target in cycle(WAY):
         if time.monotonic() >= until:
             break
@@ -131,9 +133,11 @@ def sweep(timed: TimedRig, arm: Arm, duration: float) -> int:
         except (ControllerError, ArmPaused) as error:
             if timed.rig.failure() is not None:
                 raise UserError(f"the bench was cut short: {timed.rig.failure()}") from error
-            stopped += 1
-            time.sleep(RECOVERY)
-    return stopped
+            if str(error) not in reasons:
+                progress(f"a motion was stopped: {error}")
+            reasons.append(str(error))
+            arm.resume()  # otherwise all that follow would be refused, and count
+    return len(reasons)
 
 
 def sweep_motion(start: Vector, end: Vector, settings: MotionSettings, tick: float) -> Motion:

@@ -86,7 +86,7 @@ class FakeArm:
 
     def __init__(self, refused: int, trouble: ControllerError) -> None:
         self.reference, self.refused, self.trouble = np.array((0.0, 0.0, 0.35)), refused, trouble
-        self.executed = 0
+        self.executed = self.resumed = 0
 
     def state(self) -> ArmAtRest:
         return ArmAtRest(self.reference, 0.02, 0)
@@ -96,6 +96,9 @@ class FakeArm:
         if self.executed <= self.refused:
             raise self.trouble
         self.reference = plan.motions[0].samples["position"][-1]
+
+    def resume(self) -> None:
+        self.resumed += 1
 
 
 def a_rig(arm: FakeArm, failure: str | None = None) -> Any:
@@ -109,15 +112,17 @@ def test_a_stopped_motion_is_counted_and_the_next_one_begins_where_the_arm_rests
     monkeypatch.setattr("time.monotonic", lambda: float(next(now)))
     monkeypatch.setattr("time.sleep", lambda duration: None)
     arm = FakeArm(2, ControllerError("stopped"))
-    assert sweep(a_rig(arm), arm, 6.0) == 2
-    assert arm.executed == 5
+    said = list[str]()
+    assert sweep(a_rig(arm), arm, 6.0, said.append) == 2
+    assert said == ["a motion was stopped: stopped"]
+    assert (arm.executed, arm.resumed) == (5, 2)
     np.testing.assert_allclose(arm.reference, WAY[0])
 
 
 def test_a_rig_that_died_ends_the_bench() -> None:
     arm = FakeArm(9, ControllerLost("no telemetry"))
     with pytest.raises(UserError, match=r"^the bench was cut short: the world has ended: why$"):
-        sweep(a_rig(arm, "the world has ended: why"), arm, 60.0)
+        sweep(a_rig(arm, "the world has ended: why"), arm, 60.0, lambda _: None)
     assert arm.executed == 1
 
 
