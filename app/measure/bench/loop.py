@@ -43,7 +43,6 @@ THOUGHT: Final = 0.5  # Stockfish is asked anew after this [s]
 POSITION: Final = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P1B2/2PBPN2/PP1N1PPP/R2Q1RK1 w - - 0 9"
 """A middle game with much to think about."""
 HASH_MB: Final = 64
-"""After a motion that did not end well [s]."""
 
 
 def loop_bench(quick: bool, progress: Progress, watchers: int = 0) -> BenchReport:
