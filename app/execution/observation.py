@@ -14,7 +14,7 @@ from typing import Final
 import chess
 
 from app.execution.board_view import Reading, find_view, look_shown
-from app.execution.repair import BoardObservation, Whereabouts, exchanged, toppled, whereabouts
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, refuted, toppled, whereabouts
 from app.execution.repair.behind import behind_another
 from app.execution.repair.observed import HEIGHTS, kinds_on_squares, on_board, shown_position
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices, Told
@@ -177,10 +177,8 @@ class GameObserver:
         if self._observer is None:
             self.begin(shown_position(stands))
             self._assumed = True
-        frame = self.frame()
-        self._follow(frame)
-        expected = on_board(stands)
-        examined = self._examine(expected)
+        self._follow(frame := self.frame())
+        expected, examined = on_board(stands), self._examine(stands)
         faults = examined.faults
         if self.deep and not righted.isdisjoint(piece.name for piece in expected.values()):
             low = {fault.square: fault for fault in toppled(stands, self._sightings(stands))}
@@ -207,8 +205,9 @@ class GameObserver:
         kinds |= {place.index: {kind: 1.0} for place, (_, kind) in self._told.items()}
         return BoardObservation.of(stands, states, faults, kinds=kinds)
 
-    def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
+    def _examine(self, stands: Inventory) -> Examination:
         """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
+        expected = on_board(stands)
         known = {square: likeness for square, (name, likeness, _) in self._likeness.items()
                  if square in expected and expected[square].name == name}  # fmt: skip
         examined = examine_board(self.last, self.view, expected, known)
@@ -217,14 +216,16 @@ class GameObserver:
             if square in examined.likeness and was - examined.likeness[square] < UNLIKE
             and math.dist(self._likeness[square][2], examined.centres[square]) < SHIFTED
         )  # fmt: skip
+        if examined.faults and self.deep:
+            wrong = refuted(examined.faults, stands, self._sightings(stands), self._heights())
+            examined = replace(examined, faults=tuple(fault for fault in examined.faults if fault not in wrong))
         return examined
 
     def remember(self, stands: Inventory) -> None:
         """How pieces look that stand where they should, in the newest frame: the next look is held against that."""
-        expected = on_board(stands)
-        examined = self._examine(expected)
+        examined = self._examine(stands)
         if not examined.faults:
-            self._remember(expected, examined)
+            self._remember(on_board(stands), examined)
 
     def _remember(self, expected: Mapping[int, PieceSpec], examined: Examination) -> None:
         self._likeness = {
@@ -278,7 +279,7 @@ class GameObserver:
             return ()
         faults = tuple(toppled(stands, self._sightings(stands)))
         low = {fault.square for fault in faults}
-        faults += tuple(fault for fault in self._examine(on_board(stands)).faults if fault.square not in low)
+        faults += tuple(fault for fault in self._examine(stands).faults if fault.square not in low)
         if exchanges and not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
             faults = tuple(exchanged(stands, seen))
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
@@ -208,6 +208,30 @@ def toppled(stands: Inventory, seen: Sightings) -> Iterator[Fault]:
         if low and len(low) == len(near):
             sentence = f"something lies on {piece.place}, where a {piece.colour} {piece.kind} should stand"
             yield Fault(FaultKind.FALLEN, piece.place.index, sentence, (low[0].x, low[0].y))
+
+
+def refuted(
+    faults: Iterable[Fault], stands: Inventory, seen: Sightings, before: Mapping[Kind, float] = HEIGHTS
+) -> frozenset[Fault]:
+    """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
+
+    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and side;
+    ``before`` are heights as of ``whereabouts`` [m].
+    """
+    heights = _heights(stands, seen.all, before)
+
+    def stands_there(piece: PieceSpec) -> bool:
+        at = stands.table.xy(piece.place)
+        near = [one for one in seen.all if math.dist((one.x, one.y), at) < _ABOUT]
+        if len(near) != 1 or not near[0].upright or math.dist((near[0].x, near[0].y), at) > _HOME:
+            return False
+        costs = {kind: kind_cost(kind, near[0], heights[kind]) for kind in Kind}
+        mine = near[0].white if piece.colour is Colour.WHITE else -near[0].white
+        return mine > 0.0 and costs[piece.kind] - min(costs.values()) < SURE
+
+    doubted = (fault for fault in faults if fault.kind in (FaultKind.FALLEN, FaultKind.MISSING))
+    pieces = ((fault, stands.at(square_place(fault.square))) for fault in doubted)
+    return frozenset(fault for fault, piece in pieces if piece is not None and stands_there(piece))
 
 
 def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:

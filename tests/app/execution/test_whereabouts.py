@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_sight, toppled, whereabouts
+from app.execution.repair import Ask, Repair, Whereabouts, exchanged, refuted, repair_by_sight, toppled, whereabouts
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Colour
 from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.pieces.verify import Fault, FaultKind
 from vision.standing.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()
@@ -226,6 +227,30 @@ def test_what_lies_in_place_of_a_piece_is_no_piece_that_stands() -> None:
     assert of(Sighting(at[0], at[1] + 0.016, 0.034, False, 2.0)) == []
     assert of(Sighting(*at, 0.035, True, 2.0), Sighting(at[0], at[1] + 0.02, 0.021, False, 2.0)) == []
     assert of() == [], "nothing there is another fault"
+
+
+@pytest.mark.parametrize("kind", [FaultKind.FALLEN, FaultKind.MISSING])
+def test_a_piece_that_depth_sees_standing_neither_lies_nor_is_missing(kind: FaultKind) -> None:
+    at, rest = TABLE.xy(KNIGHT.place), shown({}, gone=frozenset({KNIGHT.name})).all
+    doubt = Fault(kind, KNIGHT.place.index, "light from the side", None)
+    other = Fault(FaultKind.OFF_CENTRE, PAWN.place.index, "an outline's own matter", TABLE.xy(PAWN.place))
+
+    def left(*there: Sighting) -> bool:
+        """Whether the doubt remains."""
+        wrong = refuted((doubt, other), START, Sightings((*rest, *there), frozenset()))
+        assert wrong <= {doubt}
+        return not wrong
+
+    assert not left(sighted(KNIGHT, at))
+    assert not left(sighted(KNIGHT, (at[0] + 0.004, at[1] - 0.006)))
+    assert left(), "nothing is there"
+    assert left(replace(sighted(KNIGHT, at), upright=False))
+    assert left(sighted(KNIGHT, (at[0], at[1] + 0.02))), "it stands between two squares"
+    assert left(sighted(PAWN, at)), "another kind stands there"
+    assert left(replace(sighted(KNIGHT, at), white=-2.0)), "the other side's"
+    assert left(sighted(KNIGHT, at), Sighting(at[0] + 0.012, at[1] + 0.012, 0.015, False, 2.0)), (
+        "something lies beside it"
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0002, -0.0002, 0.0])
