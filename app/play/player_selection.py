@@ -54,7 +54,7 @@ def engine_players(
         seed: chooses the opening of two engines.
         stack: ends them.
         ui: shown that they start.
-        pace: of the rig; in pace fast nobody thinks ahead.
+        pace: of the rig; in pace fast nobody ponders.
 
     Raises:
         UserError: the settings contradict each other.
@@ -79,7 +79,7 @@ def engine_players(
         policy = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
         player = EnginePlayer(engine, _name(kept), book=book, policy=policy)
         players[colour] = LinePlayer(board, opening, player)
-    return Players(players[chess.WHITE], players[chess.BLACK], ahead=pace is Pace.REAL)
+    return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL)
 
 
 def start_clock(settings: Settings) -> ChessClock | None:

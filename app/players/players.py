@@ -69,12 +69,12 @@ class Players:
     Args:
         white: player; None: a person, whose moves are seen and not asked for.
         black: the same.
-        ahead: whether anybody thinks ahead at all. Where plant time waits for a thought, as in pace fast, it would
-            only slow the simulation down.
+        ponders: whether anybody thinks in the other side's time of a clock. In pace fast plant time waits for no clock,
+            and a thought that may not count would only slow the simulation down.
     """
 
-    def __init__(self, white: Player | None, black: Player | None, *, ahead: bool = True) -> None:
-        self._thinks_ahead = ahead
+    def __init__(self, white: Player | None, black: Player | None, *, ponders: bool = True) -> None:
+        self._ponders = ponders
         self._players = {chess.WHITE: white, chess.BLACK: black}
         pool = ThreadPoolExecutor(1, "thinking")
         other = pool if white is black else ThreadPoolExecutor(1, "thinking")
@@ -100,11 +100,11 @@ class Players:
         Without a clock it thinks for its move, and ``choose`` has the answer at once. With one it only ponders, if its
         settings say so, since its time has not begun.
         """
-        if not self._thinks_ahead or self._players[board.turn] is None:
+        if self._players[board.turn] is None:
             return
         if clock is None:
             self._ask(board, None)
-        else:
+        elif self._ponders:
             self._ponder(board.turn, board, clock, certain=True)
 
     def ponder(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> None:
@@ -112,7 +112,7 @@ class Players:
 
         After its move, ``clock`` is what it will be asked with (``ChessClock.limit`` of its colour).
         """
-        if self._thinks_ahead:
+        if self._ponders:
             self._ponder(not board.turn, board, clock, certain=False)
 
     def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:

@@ -65,7 +65,7 @@ def play(control: TimeControl, arm: float, paid: ArmTime, plies: int) -> Played:
             board.push(move)
     with Engine(settings) as white, Engine(settings) as black:
         engines = (EnginePlayer(white, "white"), EnginePlayer(black, "black"))
-        with Players(*engines, ahead=False) as players:
+        with Players(*engines, ponders=False) as players:
             return _played(board, players, ChessClock.new(control, arm_time=paid), arm, plies)
 
 

@@ -147,12 +147,14 @@ def test_with_a_clock_nobody_thinks_for_a_move_before_its_time():
     assert black.asked == []
 
 
-def test_who_does_not_think_ahead_neither_begins_nor_ponders():
+def test_who_does_not_ponder_thinks_ahead_only_for_a_move_that_no_clock_counts():
     white = Thinking()
-    with Players(white, white, ahead=False) as players:
-        players.begin(chess.Board())
+    with Players(white, white, ponders=False) as players:
         players.begin(chess.Board(), CLOCK)
         players.ponder(chess.Board(), CLOCK)
+        players.ponder(chess.Board())
+        assert white.asked == []
+        players.begin(chess.Board())
         players.choose(chess.Board())
     assert white.asked == [("choose", 0, None)]
 
