@@ -40,7 +40,7 @@ class ControllerSettings(BaseModel):
     port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
     """UDP port; 0 takes a free one, which is written to ``controller.json``."""
     lease: PositiveFloat = 1.0
-    """Wall time of silence after which the client counts as lost [s]."""
+    """Wall time of silence after which the client counts as lost; in lockstep only once its port is closed [s]."""
     linger: PositiveFloat = LINGER
     """Wall time without a client after which the arm goes on its brakes [s]; ``inf`` never."""
     stays: bool = True

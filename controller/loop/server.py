@@ -32,7 +32,7 @@ from controller.records.loop_statistics import LoopClock, write_statistics
 from controller.settings import ControllerSettings
 from controller.wire.address import ControllerFile
 from controller.wire.endpoint import Endpoint
-from controller.wire.sockets import PortInUse
+from controller.wire.sockets import LOCKSTEP_SILENCE, PortInUse
 from hardware.interfaces import BusLost, Command, ServoBus, ServoBusInThread
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -133,7 +133,8 @@ class Server:
         self._inside = bus if isinstance(bus, ServoBusInThread) else None
         self._call = self.supervisor.plain.call
         self._settings = settings
-        self._endpoint = Endpoint(settings.host, settings.port, key, settings.lease, self._welcome)
+        patience = max(settings.lease, LOCKSTEP_SILENCE) if bus.lockstep else settings.lease
+        self._endpoint = Endpoint(settings.host, settings.port, key, settings.lease, self._welcome, patience=patience)
         self._file = ControllerFile(run_directory, *self._endpoint.address)
         self._flight = FlightRecorder(
             self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
@@ -244,7 +245,7 @@ class Server:
             self._booted, self._alone_since = self._ready(), now
         if endpoint.expire(now):
             self._alone_since = now
-            supervisor.machine.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), self._settings.lease))
+            supervisor.machine.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), endpoint.lease))
         alone = 0.0 if endpoint.leased else now - self._alone_since
         if self.ending or (alone > self._settings.linger and not self._settings.stays):
             supervisor.machine.retire()

@@ -1,7 +1,8 @@
 """The controller's UDP endpoint: who may speak to it, and what it throws away.
 
-One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
-the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
+One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time; where plant time
+waits for it, as long as its port is open, ``patience``. A HELLO needs the cookie of a CHALLENGE, so that a recorded one
+opens nothing. Everything that does not belong is counted and dropped.
 Listeners, `controller.wire.subscribers`, get the telemetry too, and their STOP counts as the client's; they have no
 other effect.
 
@@ -54,6 +55,7 @@ class Endpoint:
         lease: silence after which the client counts as lost [s].
         welcome: makes the payload that greets a new client.
         clock: wall time that reading ends by [s].
+        patience: the same while its port is known to be open; None: ``lease`` [s].
 
     Attributes:
         dropped: datagrams dropped, by ``Drop``.
@@ -71,11 +73,13 @@ class Endpoint:
         lease: float,
         welcome: Callable[[], bytes],
         clock: Callable[[], float] = time.monotonic,
+        patience: float | None = None,
     ) -> None:
         self._socket = listening_socket(host, port)
         self._own: socket.socket | None = None
         self._envelope = Envelope(key)
-        self._lease = lease
+        self._lease, self._patience = lease, lease if patience is None else patience
+        self._port_closed = False
         self._welcome = welcome
         self._clock = clock
         # two, so that the payload last handed out outlives the reading of what comes next
@@ -113,9 +117,14 @@ class Endpoint:
         """How long the client has been silent, at wall time ``now`` [s]."""
         return now - self._heard
 
+    @property
+    def lease(self) -> float:
+        """Silence after which the client counts as lost, as far as is known of its port [s]."""
+        return self._lease if self._port_closed else self._patience
+
     def expire(self, now: float) -> bool:
         """Ends the lease of a silent client; true if that happened now. What waits to be read is no silence."""
-        if self._session == 0 or now - self._heard <= self._lease:
+        if self._session == 0 or now - self._heard <= self.lease:
             self._doubted = None
             return False
         self._doubted = now if self._doubted is None else self._doubted
@@ -202,7 +211,7 @@ class Endpoint:
             except BlockingIOError:
                 return
             except ConnectionError:
-                drop = None  # the client's port was closed when telemetry came: the lease notices its silence
+                drop, self._port_closed = None, True  # when telemetry came: the lease notices the client's silence
             else:
                 drop = self._admit(view[:size], address, now)
             if drop is not None:
@@ -299,7 +308,7 @@ class Endpoint:
 
     def _meet(self, client: Address, now: float) -> None:
         """The client has spoken; where it did so from a new address, it gets a new socket of its own."""
-        self._heard = now
+        self._heard, self._port_closed = now, False
         if client == self._client and self._own is not None:
             return
         self._client = client

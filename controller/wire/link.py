@@ -12,15 +12,13 @@ from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Datag
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 from controller.wire.address import open_socket
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
+from controller.wire.sockets import LOCKSTEP_SILENCE
 
 HEARTBEAT_INTERVAL = 0.1
 """[s]"""
 SILENCE = 3.0
 """Without telemetry for so long the controller counts as lost [s]. The arm is safe without the client, so this may be
 generous: a machine that is busy for a moment ends no game."""
-LOCKSTEP_SILENCE = 30.0
-"""The same where plant time waits for the controller [s]: nothing moves meanwhile, however busy the machine is. One
-that is gone is known by its closed port."""
 REPEAT = 0.02
 """What is not answered is repeated after this [s]."""
 _WAKE_SAMPLES = 40

@@ -10,6 +10,9 @@ import socket
 
 Address = tuple[str, int]
 
+LOCKSTEP_SILENCE = 30.0
+"""Where plant time waits for controller and client, either counts as lost after so long [s, wall]: nothing moves
+meanwhile, however busy the machine is. One that is gone is known by its closed port."""
 _OPEN_BUFFER = 1 << 17
 """[bytes]; some 300 short datagrams: what strangers sent is not worth a longer wait."""
 _CLIENT_BUFFER = 1 << 20

@@ -216,22 +216,25 @@ def refuted(
     """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
 
     A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and side;
-    ``before`` are heights as of ``whereabouts`` [m].
+    or it is said to stand off its centre, and what stands there is nearer to that. ``before`` are heights as of
+    ``whereabouts`` [m].
     """
     heights = _heights(stands, seen.all, before)
 
-    def stands_there(piece: PieceSpec) -> bool:
+    def is_refuted(fault: Fault, piece: PieceSpec) -> bool:
         at = stands.table.xy(piece.place)
         near = [one for one in seen.all if math.dist((one.x, one.y), at) < _ABOUT]
-        if len(near) != 1 or not near[0].upright or math.dist((near[0].x, near[0].y), at) > _HOME:
+        if len(near) != 1 or not near[0].upright:
             return False
-        costs = {kind: kind_cost(kind, near[0], heights[kind]) for kind in Kind}
-        mine = near[0].white if piece.colour is Colour.WHITE else -near[0].white
-        return mine > 0.0 and costs[piece.kind] - min(costs.values()) < SURE
+        one, off = near[0], math.dist((near[0].x, near[0].y), at)
+        if fault.kind is FaultKind.OFF_CENTRE:
+            return fault.place is not None and off < math.dist((one.x, one.y), fault.place)
+        costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
+        mine = one.white if piece.colour is Colour.WHITE else -one.white
+        return off <= _HOME and mine > 0.0 and costs[piece.kind] - min(costs.values()) < SURE
 
-    doubted = (fault for fault in faults if fault.kind in (FaultKind.FALLEN, FaultKind.MISSING))
-    pieces = ((fault, stands.at(square_place(fault.square))) for fault in doubted)
-    return frozenset(fault for fault, piece in pieces if piece is not None and stands_there(piece))
+    pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
+    return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))
 
 
 def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:

@@ -233,7 +233,7 @@ def test_what_lies_in_place_of_a_piece_is_no_piece_that_stands() -> None:
 def test_a_piece_that_depth_sees_standing_neither_lies_nor_is_missing(kind: FaultKind) -> None:
     at, rest = TABLE.xy(KNIGHT.place), shown({}, gone=frozenset({KNIGHT.name})).all
     doubt = Fault(kind, KNIGHT.place.index, "light from the side", None)
-    other = Fault(FaultKind.OFF_CENTRE, PAWN.place.index, "an outline's own matter", TABLE.xy(PAWN.place))
+    other = Fault(FaultKind.FOREIGN, chess.E4, "not a piece's square", None)
 
     def left(*there: Sighting) -> bool:
         """Whether the doubt remains."""
@@ -251,6 +251,21 @@ def test_a_piece_that_depth_sees_standing_neither_lies_nor_is_missing(kind: Faul
     assert left(sighted(KNIGHT, at), Sighting(at[0] + 0.012, at[1] + 0.012, 0.015, False, 2.0)), (
         "something lies beside it"
     )
+
+
+def test_an_outline_off_its_square_counts_unless_depth_sees_the_piece_nearer_to_the_centre() -> None:
+    at, rest = TABLE.xy(KNIGHT.place), shown({}, gone=frozenset({KNIGHT.name})).all
+    claimed = (at[0] + 0.007, at[1])
+    fault = Fault(FaultKind.OFF_CENTRE, KNIGHT.place.index, "7 mm off", claimed)
+
+    def counts(*there: Sighting) -> bool:
+        return not refuted((fault,), START, Sightings((*rest, *there), frozenset()))
+
+    assert counts(sighted(KNIGHT, claimed))
+    assert counts(sighted(KNIGHT, (at[0] + 0.004, at[1] + 0.002)))
+    assert counts(), "depth says nothing of it"
+    assert not counts(sighted(KNIGHT, at))
+    assert not counts(sighted(KNIGHT, (at[0] + 0.002, at[1] - 0.003)))
 
 
 @pytest.mark.parametrize("noise", [0.0002, -0.0002, 0.0])

@@ -469,8 +469,8 @@ def test_orders_do_not_overtake_each_other(launch: Launch) -> None:
     assert (telemetry.command, telemetry.bad_sequence) == (20, 1)
 
 
-def test_a_recorded_session_opens_nothing(launch: Launch, until: Until) -> None:
-    running = launch(lease=1.0)
+def test_a_recorded_session_opens_nothing(launch: Launch, fake_bus: FakeBusFactory, until: Until) -> None:
+    running = launch(fake_bus(lockstep=False), lease=1.0)
     hand = Intruder(running, 77)
     with hand.socket:
         recorded = [hand.take_lease(), hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD))]
@@ -485,8 +485,8 @@ def test_a_recorded_session_opens_nothing(launch: Launch, until: Until) -> None:
         assert client.telemetry.bad_session == 2
 
 
-def test_a_recorded_hello_of_another_session_gets_a_challenge_only(launch: Launch) -> None:
-    running = launch(lease=0.2)
+def test_a_recorded_hello_of_another_session_gets_a_challenge_only(launch: Launch, fake_bus: FakeBusFactory) -> None:
+    running = launch(fake_bus(lockstep=False), lease=0.2)
     first, second = Intruder(running, 77), Intruder(running, 78)
     with first.socket, second.socket:
         recorded = first.take_lease()

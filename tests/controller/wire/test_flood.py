@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -85,9 +86,12 @@ class End:
 class House:
     """A door with a client inside; time passes only by refusing datagrams."""
 
-    def __init__(self) -> None:
+    def __init__(self, patience: float | None = None) -> None:
+        def welcome() -> bytes:
+            return Welcome(0.00088, 8192, patience is not None, 0).pack()
+
         self.clock = Steps()
-        self.door = Endpoint("127.0.0.1", 0, KEY, LEASE, lambda: Welcome(0.00088, 8192, False, 0).pack(), self.clock)
+        self.door = Endpoint("127.0.0.1", 0, KEY, LEASE, welcome, self.clock, patience)
         self.pings = list[int]()
         self.ends = list[End]()
         self.client = self.end()
@@ -221,6 +225,23 @@ def test_a_client_that_comes_back_from_another_address_is_heard_there_first(hous
     house.client.ping(4)
     assert house.tick() == 0
     assert house.pings == [1, 2, 3, 4]
+
+
+def test_where_plant_time_waits_only_a_client_with_a_closed_port_is_lost_after_its_lease() -> None:
+    patience = 30.0
+    with closing(House(patience)) as house:
+        assert not house.door.expire(2.0 * LEASE)
+        house.client.ping(1)
+        house.tick(now=2.0 * LEASE)
+        assert not house.door.expire(patience)
+        house.client.socket.close()
+        house.door.send(DatagramKind.TELEMETRY, bytes(8))
+        house.tick(now=patience)  # the kernel says that nobody listens there
+        assert house.door.expire(patience)
+        assert house.door.lease == LEASE
+    with closing(House(patience)) as house:
+        assert not house.door.expire(patience)
+        assert house.door.expire(patience + 0.1)
 
 
 def test_strangers_keep_no_lost_client_alive(house: House) -> None:

@@ -90,10 +90,10 @@ def test_no_controller(launch: Launch, lossy_link: Callable[..., Any]) -> None:
 
 
 def test_a_controller_that_falls_silent_while_it_is_measured_is_lost(
-    launch: Launch, lossy_link: Callable[..., Any]
+    launch: Launch, fake_bus: Callable[..., Any], lossy_link: Callable[..., Any]
 ) -> None:
     cut = False
-    running = launch()
+    running = launch(fake_bus(lockstep=False))
     link = lossy_link(running.port, veto=lambda data: cut)
     with Probe("127.0.0.1", link.port, running.key) as probe:
         probe.greet()
