@@ -272,7 +272,8 @@ def test_sleeping_runs_exactly_so_many_ticks(world: WorldProcess, ticks: int) ->
 def test_sleepers_wake_each_at_their_time(world: WorldProcess) -> None:
     with Controller(world.run_dir) as controller, ExitStack() as stack:
         before = controller.settle()
-        clocks = {ticks: stack.enter_context(closing(wire.connect(world.run_dir, "clock")[0])) for ticks in (200, 20000)}
+        links = [stack.enter_context(closing(wire.connect(world.run_dir, "clock")[0])) for _ in range(2)]
+        clocks = dict(zip((200, 20000), links, strict=True))
         for ticks, link in clocks.items():
             link.send(json.dumps({"sleep_ticks": ticks}).encode())
         # The answer's tick is the waking's: asked for afterwards, it would tell when this process was run again.
