@@ -215,7 +215,7 @@ def refuted(
 ) -> frozenset[Fault]:
     """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
 
-    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and side;
+    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and not the other side's;
     or it is said to stand off its centre, and what stands there is nearer to that. ``before`` are heights as of
     ``whereabouts`` [m].
     """
@@ -231,7 +231,7 @@ def refuted(
             return fault.place is not None and off < math.dist((one.x, one.y), fault.place)
         costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
         mine = one.white if piece.colour is Colour.WHITE else -one.white
-        return off <= _HOME and mine > 0.0 and costs[piece.kind] - min(costs.values()) < SURE
+        return off <= _HOME and mine >= 0.0 and costs[piece.kind] - min(costs.values()) < SURE
 
     pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
     return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))
