@@ -215,9 +215,9 @@ def refuted(
 ) -> frozenset[Fault]:
     """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
 
-    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and not the other side's;
-    or it is said to stand off its centre, and what stands there is nearer to that. ``before`` are heights as of
-    ``whereabouts`` [m].
+    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and not of
+    the other side; or it is said to stand off its centre, and what stands there is nearer to that. ``before`` are
+    heights as of ``whereabouts`` [m].
     """
     heights = _heights(stands, seen.all, before)
 
