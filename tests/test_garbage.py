@@ -20,9 +20,9 @@ from app.measure.photographs.labels import load_labels
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.game_setup import rig_setup_of, start_board
-from app.play.recorded_games import recorded_games
 from app.players.given_line import parse_line
 from app.records import GameRecord, GameSetup, read_events, read_history, summarise
+from app.records.recorded_games import recorded_games
 from app.rig.rig_file import load_rig
 from app.rig.simulation.settings import load_randomisation
 from app.settings.calibration import load_calibration

@@ -16,11 +16,11 @@ from app.pieces.layout import start_layout
 from app.play.game_setup import RigSetup, start_board
 from app.play.match import Fixture
 from app.play.player_selection import engine_players, line_players, start_clock
-from app.play.recorded_games import RecordedGame, recorded_games
 from app.players.commands import NewGame, Word
 from app.players.given_line import parse_line
 from app.players.person import Human, PersonGone
 from app.players.players import Players
+from app.records.recorded_games import RecordedGame, recorded_games
 from app.settings.files import keep_settings
 from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface

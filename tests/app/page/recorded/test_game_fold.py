@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.analysis.openings import opening_of, openings
 from app.page.recorded.catalogue import Catalogue
 from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import PERSON, GameFold, RecordContradicts, RoundShown, fold
-from app.page.recorded.openings import opening_of, openings
 from app.page.recorded.record import record_shown
 from app.pieces.inventory import Stage
 from app.play import match
