@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from app.analysis.files import kept_analysis
+from app.analysis.kept import kept_analysis
 from app.analysis.model import GameAnalysis
 from app.records import (
     EVENTS_FILE,
