@@ -204,12 +204,15 @@ class Engine:
     ) -> tuple[Candidate, ...]:
         """One attempt at the best moves: at least one."""
         self._settle(process)
-        if lines > 1 and "MultiPV" not in process.uci.options:
+        lines = min(lines, board.legal_moves.count())
+        offered = process.uci.options.get("MultiPV")
+        if lines > 1 and offered is None:
             found = self._ranked_alone(process, board, lines, limit.nodes or levels.NODES)
         else:
+            most = lines if offered is None or offered.max is None else min(lines, offered.max)
             stop = budget.stop_after(limit, board.turn)
             infos = process.call(
-                lambda uci: uci.watched(uci.analyse(board, limit, multipv=lines, game=object()), stop),
+                lambda uci: uci.watched(uci.analyse(board, limit, multipv=most, game=object()), stop),
                 budget.give_up_after(limit, board.turn, self.settings.deadline),
             )
             ranked = dict[chess.Move, Candidate]()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.analysis.openings import opening_of, openings
+from app.analysis.openings import opening_of
 from app.page.recorded.catalogue import Catalogue
 from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import PERSON, GameFold, RecordContradicts, RoundShown, fold
@@ -215,17 +215,6 @@ def test_a_game_keeps_the_last_name_it_had(tmp_path: Path) -> None:
     for san in ("e4", "c5", "a3", "h5"):
         game.ply(san)
     assert of(game).section(SHOWN)["opening"]["name"].startswith("Sicilian")
-
-
-def test_every_opening_is_of_a_position_and_has_a_code() -> None:
-    assert len(openings()) > 3000
-    for position, opening in openings().items():
-        board = chess.Board(f"{position} 0 1")
-        assert board.epd() == position
-        assert board.is_valid()
-        assert opening.eco[0] in "ABCDE"
-        assert opening.eco[1:].isdecimal()
-        assert opening.name == opening.name.strip() != ""
 
 
 def test_a_person_is_called_as_the_program_calls_one() -> None:
