@@ -87,6 +87,20 @@ Games = Annotated[int, typer.Option(min=1, help="Number of games; the arm sets u
 ReplayGame = Annotated[int | None, typer.Option(min=1, help="Play only this game of the file.")]
 FromPly = Annotated[int, typer.Option(min=1, help="Begin with this ply.")]
 
+Odds = Annotated[
+    str | None,
+    typer.Option(
+        help="The robot, or White where two engines play, begins without a piece: pawn, knight, bishop, rook or queen."
+    ),
+]
+Coach = Annotated[
+    bool, typer.Option("--coach", help="At a blunder of yours, offer to take it back, and say why in one sentence.")
+]
+Repertoire = Annotated[
+    Path | None,
+    typer.Option(help="PGN file with variations: the robot plays by it, and says where you have left it."),
+]
+
 EnginePath = Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")]
 WhiteEngine = Annotated[str | None, typer.Option(help="Path of White's own UCI engine.")]
 BlackEngine = Annotated[str | None, typer.Option(help="Path of Black's own UCI engine.")]
