@@ -30,7 +30,7 @@ LINES: Final = 256
 WORST: Final = 1500
 """A score beyond this counts as this much [centipawns]: what is lost anyway is not lost more."""
 TEMPERATURES: Final = (
-    (400, 219.0), (600, 146.0), (800, 95.0), (1000, 62.0), (1200, 37.0), (1400, 18.0), (1500, 12.0),
+    (400, 254.0), (600, 167.0), (800, 110.0), (1000, 72.0), (1200, 45.0), (1400, 23.6), (1500, 17.0),
 )  # fmt: skip
 """Elo and its temperature [centipawns]."""
 WEAKEST: Final = TEMPERATURES[0][0]

@@ -117,6 +117,10 @@ Nodes = Annotated[
 Book = Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")]
 WhiteBook = Annotated[Path | None, typer.Option(help="White's own opening book.")]
 BlackBook = Annotated[Path | None, typer.Option(help="Black's own opening book.")]
+Syzygy = Annotated[
+    Path | None,
+    typer.Option(help="Folder with Syzygy endgame tables: they end games of two engines, and give hints to people."),
+]
 Clock = Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")]
 WhiteClock = Annotated[str | None, typer.Option(help="White's own time control.")]
 BlackClock = Annotated[str | None, typer.Option(help="Black's own time control.")]

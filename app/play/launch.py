@@ -241,6 +241,7 @@ def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:
         "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
         "white.book": settings.white.book, "black.book": settings.black.book, "page.password": settings.page.password,
         "practice.repertoire": settings.practice.repertoire, "practice.puzzles": settings.practice.puzzles,
+        "engine.syzygy": settings.engine.syzygy,
     }  # fmt: skip
     settings = settings.with_changes({name: path.absolute() for name, path in paths.items() if path is not None})
     engines = {

@@ -12,6 +12,7 @@ import chess
 from app import UserError
 from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
+from app.players.tablebase import Tablebase
 from app.practice.repertoire import RepertoirePlayer, load_repertoire
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings
@@ -72,6 +73,9 @@ def engine_players(
     chosen = human or books or settings.game.fen is not None or settings.practice.odds is not None
     repertoire = None if settings.practice.repertoire is None else load_repertoire(settings.practice.repertoire)
     opening = () if chosen else _opening(settings, board, seed, ui)
+    tables = None
+    if settings.engine.syzygy is not None:
+        tables = stack.enter_context(Tablebase(settings.engine.syzygy))
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:
         kept = _engine_settings(settings, colour, seed, human=human)
@@ -81,11 +85,12 @@ def engine_players(
         if found is not None:
             book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
         policy = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
-        player: Player = EnginePlayer(engine, _name(kept), book=book, policy=policy)
+        player: Player = EnginePlayer(engine, _name(kept), book=book, policy=policy, tablebase=tables)
         if repertoire is not None:
             player = RepertoirePlayer(repertoire, seed, player)
         players[colour] = LinePlayer(board, opening, player)
-    return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL)
+    ended = None if human or tables is None else tables
+    return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL, tablebase=ended)
 
 
 def start_clock(settings: Settings) -> ChessClock | None:

@@ -106,6 +106,7 @@ _ALL: Final = (
     SettingOption("engine.move_time", "--movetime", (_ENGINES, _BY_TIME)),
     SettingOption("engine.nodes", "--nodes", (_ENGINES,)),
     SettingOption("engine.book", "--book", (_ENGINES,)),
+    SettingOption("engine.syzygy", "--syzygy", (_ENGINES,)),
     *(
         SettingOption(f"{side}.{field}", f"--{side}-{name}", (_ENGINES,))
         for side in ("white", "black")

@@ -194,6 +194,9 @@ class EngineSection(_Section):
     """Opening book in Polyglot's format; without one, the seed selects an opening for two engines."""
     book_plies: PositiveInt = 20
     """Number of plies at the start in which the book is used."""
+    syzygy: Path | None = None
+    """Folder with Syzygy endgame tables: games of two engines end where the tables know the result, and a person's
+    hints come from them."""
     resigns: bool = False
     """Whether the engine resigns a lost game. People like to see a game end on the board."""
 
