@@ -8,7 +8,7 @@ go on.
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, Self, TypeVar
 
 import chess
@@ -185,22 +185,26 @@ class Engine:
 
         ``nodes`` positions are searched for all of them together. Raises as ``analyse``.
         """
-        return self.analyse(board, lines, chess.engine.Limit(nodes=nodes))
+        limit = chess.engine.Limit(nodes=nodes)
+        self._check_question(board, limit)
+        return self._supervised.ask(
+            "analysing a position", lambda process: self._ranked(process, board, lines, limit, exact=False)
+        )[0]
 
     def analyse(self, board: chess.Board, lines: int, limit: chess.engine.Limit) -> tuple[Candidate, ...]:
-        """The best moves of a position, at most ``lines``, best first, each with its line, from a cleared engine.
+        """The best moves of a position, at most ``lines``, best first, with lines and exact scores, from a cleared engine.
 
         ``limit`` is for all of them together, by nodes or by time; an engine without MultiPV searches each move alone.
         Raises ``EngineRefused`` if the game is over, nothing limits the search, or the engine is not open, and
         ``EngineFailed`` as for ``choose``.
         """
         self._check_question(board, limit)
-        return self._supervised.ask("analysing a position", lambda process: self._ranked(process, board, lines, limit))[
-            0
-        ]
+        return self._supervised.ask(
+            "analysing a position", lambda process: self._ranked(process, board, lines, limit, exact=True)
+        )[0]
 
     def _ranked(
-        self, process: UciProcess, board: chess.Board, lines: int, limit: chess.engine.Limit
+        self, process: UciProcess, board: chess.Board, lines: int, limit: chess.engine.Limit, *, exact: bool
     ) -> tuple[Candidate, ...]:
         """One attempt at the best moves: at least one."""
         self._settle(process)
@@ -211,10 +215,13 @@ class Engine:
         else:
             most = lines if offered is None or offered.max is None else min(lines, offered.max)
             stop = budget.stop_after(limit, board.turn)
-            infos = process.call(
-                lambda uci: uci.watched(uci.analyse(board, limit, multipv=most, game=object()), stop),
-                budget.give_up_after(limit, board.turn, self.settings.deadline),
-            )
+
+            async def search(uci: Uci) -> Sequence[chess.engine.InfoDict]:
+                if exact:
+                    return await uci.watched(uci.exact_lines(board, limit, most), stop)
+                return await uci.watched(uci.analyse(board, limit, multipv=most, game=object()), stop)
+
+            infos = process.call(search, budget.give_up_after(limit, board.turn, self.settings.deadline))
             ranked = dict[chess.Move, Candidate]()
             for info in infos:
                 if (pv := info.get("pv")) and "score" in info:
@@ -227,7 +234,7 @@ class Engine:
     def _play_below(self, process: UciProcess, board: chess.Board) -> chess.engine.PlayResult:
         """One attempt at a move below the engine's own lowest Elo."""
         assert self.settings.elo is not None, "it plays below a level"
-        found = self._ranked(process, board, levels.LINES, chess.engine.Limit(nodes=levels.NODES))
+        found = self._ranked(process, board, levels.LINES, chess.engine.Limit(nodes=levels.NODES), exact=False)
         drawn = levels.drawn_move(
             found, levels.temperature_of(self.settings.elo), levels.draw_of(self.settings.seed, board)
         )
