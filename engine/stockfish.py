@@ -192,7 +192,7 @@ class Engine:
         )[0]
 
     def analyse(self, board: chess.Board, lines: int, limit: chess.engine.Limit) -> tuple[Candidate, ...]:
-        """The best moves of a position, at most ``lines``, best first, with lines and exact scores, from a cleared engine.
+        """The best moves of a position, at most ``lines``, best first, with exact scores and lines; cleared before.
 
         ``limit`` is for all of them together, by nodes or by time; an engine without MultiPV searches each move alone.
         Raises ``EngineRefused`` if the game is over, nothing limits the search, or the engine is not open, and
