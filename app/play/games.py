@@ -69,7 +69,8 @@ class GameSeries:
             self._grant(last.wish)
         plies = self._settings.game.plies
         if self._puzzles:
-            return _puzzle(self._puzzles[number - 1], self.human) if number <= len(self._puzzles) else None
+            more = number <= len(self._puzzles) and last is not LEFT
+            return _puzzle(self._puzzles[number - 1], self.human) if more else None
         if self._replayed:
             if number > len(self._replayed):
                 return None

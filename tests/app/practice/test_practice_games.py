@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import chess.pgn
 import pytest
 
 from app import UserError
+from app.play.launch import resume_games
 from app.records.files import EVENTS_FILE
-from tests.app.play.test_games import play
+from app.terminal.typed_lines import TypedLines
+from tests.app.play.test_games import Told, play
 from tests.app.practice.test_puzzles import TWO
 
 SYZYGY = Path(__file__).resolve().parents[2] / "data" / "syzygy"
@@ -42,6 +45,21 @@ def test_puzzles_follow_each_other_and_a_wrong_move_is_taken_back(tmp_path: Path
     assert moves(folder) == "24...Bxg3 25. Rxe7 Qb1+ 26. Nc1 Qxc1+ 27. Qxc1"
     assert any(event["event"] == "task" and event["purpose"] == "take_back" for event in events(folder))
     assert moves(folder / "game-2") == "27. Qd6 Rd8 28. Qxd8+ Bxd8"
+
+
+def test_a_puzzle_is_left_and_gone_on_with(tmp_path: Path) -> None:
+    puzzles = tmp_path / "two.csv"
+    puzzles.write_text(TWO)
+    folder = tmp_path / "game"
+    play(folder, "Rxe7", "quit", **{"practice.puzzles": puzzles, "game.games": 2})
+    assert not (folder / "game-2").exists()
+    told = Told()
+    resume_games(folder, told, TypedLines(io.StringIO("Nc1\nQxc1\nresign\n")))
+    assert [sentence for sentence in told.said if "right" in sentence] == [
+        "Nc1 is right; go on",
+        "Qxc1 is right: solved",
+    ]
+    assert json.loads((folder / "game-2" / "report.json").read_text())["result"] == "1-0"
 
 
 def test_two_people_share_the_board(tmp_path: Path) -> None:

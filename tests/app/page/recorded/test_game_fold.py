@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.analysis.openings import opening_of
-from app.page.recorded.catalogue import Catalogue
+from app.page.recorded.catalogue import Catalogue, RecordPlace
 from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import PERSON, GameFold, RecordContradicts, RoundShown, fold
 from app.page.recorded.record import record_shown
@@ -23,6 +23,7 @@ from app.records.robot import RobotRecord, keep_robot
 from hardware.parameters import load_parameters
 from hardware.piece_set import Colour
 from hardware.table import Captured, TableSettings
+from tests.app.analysis.analysed import analysed
 from tests.app.page.recorded.recorded_games import PARTS, TABLE, RecordedGame
 
 SHOWN = RoundShown("id", 2, sets_up=False, person=Colour.WHITE)
@@ -219,3 +220,16 @@ def test_a_game_keeps_the_last_name_it_had(tmp_path: Path) -> None:
 
 def test_a_person_is_called_as_the_program_calls_one() -> None:
     assert PERSON == match.PERSON
+
+
+def test_a_record_shows_the_analysis_of_just_its_game(tmp_path: Path) -> None:
+    game = RecordedGame(tmp_path)
+    for san in ("e4", "e5"):
+        game.ply(san)
+    place = RecordPlace("id", tmp_path, 1, False)
+    events = read_events(tmp_path / EVENTS_FILE)
+    assert record_shown(place, events)["analysis"] is None
+    made = analysed("e4 e5", [0, 0, 300], tmp_path)
+    assert record_shown(place, events)["analysis"] == made.model_dump(mode="json")
+    analysed("e4 c5", [0, 0, 300], tmp_path)
+    assert record_shown(place, events)["analysis"] is None
