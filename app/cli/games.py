@@ -80,7 +80,9 @@ def demo(
 def play(
     context: typer.Context,
     color: Annotated[str | None, typer.Option(help="Your pieces: white (the default) or black.")] = None,
-    elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
+    elo: Annotated[
+        int | None, typer.Option(help="Strength of the robot in Elo, from 400; full strength if not given.")
+    ] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     processes: options.Processes = "together",

@@ -104,8 +104,8 @@ Repertoire = Annotated[
 EnginePath = Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")]
 WhiteEngine = Annotated[str | None, typer.Option(help="Path of White's own UCI engine.")]
 BlackEngine = Annotated[str | None, typer.Option(help="Path of Black's own UCI engine.")]
-WhiteElo = Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")]
-BlackElo = Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")]
+WhiteElo = Annotated[int | None, typer.Option(help="Strength of White in Elo, from 400; full strength if not given.")]
+BlackElo = Annotated[int | None, typer.Option(help="Strength of Black in Elo, from 400; full strength if not given.")]
 MoveTime = Annotated[
     float | None,
     typer.Option(min=0.001, help="Thinking time per move [s], 0.2 without a clock; with a clock, the maximum."),
