@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import chess
-
 from app.execution.state import WRONG, GameEnd
 from app.execution.table import Table
 from app.game.person import ask
@@ -19,15 +17,18 @@ class Advising:
     def __init__(self, human: Human, table: Table, timing: Timing, ui: UserInterface) -> None:
         self._human, self._table, self._timing, self._ui = human, table, timing, ui
 
-    def after(self, board: chess.Board, move: chess.Move) -> GameEnd | None:
-        """A move was made in a position: whatever there is to say; the end of the game if the arm fails.
+    def after_move(self) -> GameEnd | None:
+        """The person's move stands on the board: whatever there is to say; the end of the game if the arm fails.
 
         Raises:
             GameLeft: the person leaves, instead of an answer.
             EngineProblem: an engine that is asked fails.
         """
-        adviser = self._human.adviser
-        advice = None if adviser is None else adviser.judge(board, move)
+        if (adviser := self._human.adviser) is None:
+            return None
+        board = self._table.board.copy()
+        move = board.pop()
+        advice = adviser.judge(board, move)
         if advice is None:
             return None
         self._ui.say(advice.sentence)

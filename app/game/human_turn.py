@@ -359,10 +359,8 @@ class HumanTurn:
             after = self._table.board.copy()
             after.push(move)
             self._table.observer.confirm(after, reading.look)
-        before = self._table.board.copy()
-        if not self._table.hand_ply(move, Remark(clocks=self._timing.left)):
-            return WRONG
-        return self._advising.after(before, move)
+        well = self._table.hand_ply(move, Remark(clocks=self._timing.left))
+        return self._advising.after_move() if well else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
         if said is not None and said.promotion is not None:
