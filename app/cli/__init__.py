@@ -20,7 +20,8 @@ from app.cli.ending import fail
 from app.cli.games import demo, play, replay, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
 from app.cli.page import page
-from app.cli.records import film, report
+from app.cli.practice import puzzle
+from app.cli.records import analyse, film, report
 
 
 @contextmanager
@@ -57,6 +58,7 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report, "film": film,
+    "analyse": analyse, "puzzle": puzzle,
     "dataset": dataset, "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
     "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
     "figures": figures, "bench": bench,

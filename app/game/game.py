@@ -93,7 +93,10 @@ class Game:
         done = len(board.move_stack) >= plies
         if outcome is not None and (done or not again):
             return GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
-        return GameEnd(self._result or "*", f"{plies} plies played", True) if done else None
+        if done:
+            return GameEnd(self._result or "*", f"{plies} plies played", True)
+        known = self._players.adjudicated(board)
+        return None if known is None else GameEnd(known, "known from the endgame tables", True)
 
     def _turn(self) -> GameEnd | None:
         """One ply, or something else in its place."""

@@ -16,6 +16,7 @@ import chess
 from app import UserError
 from app.execution.state import KEPT, WRONG, GameEnd, Remark
 from app.execution.table import Table
+from app.game.advising import Advising
 from app.game.clock import side_name
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
@@ -50,6 +51,7 @@ class HumanTurn:
     def __init__(self, human: Human, table: Table, players: Players, timing: Timing, ui: UserInterface) -> None:
         self._human, self._table, self._players, self._ui = human, table, players, ui
         self._timing, self._questions = timing, TurnQuestions(human, ui)
+        self._advising = Advising(human, table, timing, ui)
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
         self._notice = HandNotice(table.guard if human.hands is None else None)
@@ -59,7 +61,7 @@ class HumanTurn:
 
     def plays(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour now."""
-        return colour == self._colour
+        return self._human.both or colour == self._colour
 
     def moves_pieces(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour with hands of their own, and so whenever they please."""
@@ -67,6 +69,8 @@ class HumanTurn:
 
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
+        if self._human.both:
+            self._colour = self._table.board.turn
         try:
             return self._take()
         finally:
@@ -186,6 +190,9 @@ class HumanTurn:
         self._ui.say("the arm may move again" if stopped else "nothing is paused: it is your move")
 
     def _change_sides(self) -> None:
+        if self._human.both:
+            self._ui.say("two people play: change seats")
+            return
         self._timing.pause()
         self._colour = not self._colour
         self._table.note_sides(self._colour)
@@ -196,9 +203,9 @@ class HumanTurn:
         board = self._table.board
         if board.can_claim_draw():
             return GameEnd("1/2-1/2", f"{side_name(self._colour)} claims a draw", True)
-        if self._players.accepts_draw(board, not self._colour):
+        if self._questions.agrees(board) if self._human.both else self._players.accepts_draw(board, not self._colour):
             return GameEnd("1/2-1/2", "draw agreed", True)
-        self._ui.say("I would like to play on")
+        self._ui.say("the game goes on" if self._human.both else "I would like to play on")
         return None
 
     # moves
@@ -352,7 +359,8 @@ class HumanTurn:
             after = self._table.board.copy()
             after.push(move)
             self._table.observer.confirm(after, reading.look)
-        return None if self._table.hand_ply(move, Remark(clocks=self._timing.left)) else WRONG
+        well = self._table.hand_ply(move, Remark(clocks=self._timing.left))
+        return self._advising.after_move() if well else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
         if said is not None and said.promotion is not None:
@@ -362,13 +370,14 @@ class HumanTurn:
     # words
 
     def _take_back(self) -> GameEnd | None:
-        if len(self._table.board.move_stack) < 2:
+        plies = 1 if self._human.both else 2
+        if len(self._table.board.move_stack) < plies:
             self._ui.say("there is nothing of yours to take back yet")
             return None
         self._timing.pause()
         with self._timing.motion():
-            well = self._table.take_back(2)
-        self._timing.take_back(2)  # not before: it may be refused
+            well = self._table.take_back(plies)
+        self._timing.take_back(plies)  # not before: it may be refused
         return None if well else WRONG
 
     def _hint(self) -> None:

@@ -225,7 +225,7 @@ class Match:
         assert self._fixture is not None
         human, clock = self._fixture.human, self._fixture.clock
         white, black = (
-            PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            PERSON if human is not None and (human.both or human.colour is colour) else self._chosen.name(colour)
             for colour in (chess.WHITE, chess.BLACK)
         )
         control = None if clock is None else clock.white.pgn
