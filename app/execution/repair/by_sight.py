@@ -33,6 +33,8 @@ from vision.standing.sightings import Sighting, Sightings, kind_cost
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
+_CENTRED: Final = 0.006
+"""One that depth sees so near to its centre, to 2 mm, is not one that outlines look for in vain: up to 10 mm off [m]."""
 _NUDGED: Final = 0.0085
 """One in a tray that stands further off is put right [m]: fingers find it up to 10 mm off, and 1.5 are for sight."""
 _ABOUT: Final = 0.024
@@ -233,7 +235,7 @@ def refuted(
             return fault.place is not None and off < math.dist((one.x, one.y), fault.place)
         costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
         mine = one.white if piece.colour is Colour.WHITE else -one.white
-        return off <= _HOME and mine > -_UNDECIDED and costs[piece.kind] - min(costs.values()) < SURE
+        return off <= _CENTRED and mine > -_UNDECIDED and costs[piece.kind] - min(costs.values()) < SURE
 
     pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
     return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))

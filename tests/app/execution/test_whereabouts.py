@@ -242,7 +242,8 @@ def test_a_piece_that_depth_sees_standing_neither_lies_nor_is_missing(kind: Faul
         return not wrong
 
     assert not left(sighted(KNIGHT, at))
-    assert not left(sighted(KNIGHT, (at[0] + 0.004, at[1] - 0.006)))
+    assert not left(sighted(KNIGHT, (at[0] + 0.003, at[1] - 0.004)))
+    assert left(sighted(KNIGHT, (at[0] + 0.009, at[1]))), "further off than outlines are looked for"
     assert not left(replace(sighted(KNIGHT, at), white=-0.2)), "colours say nothing of it"
     assert left(), "nothing is there"
     assert left(replace(sighted(KNIGHT, at), upright=False))
