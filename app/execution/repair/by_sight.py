@@ -34,7 +34,7 @@ from vision.standing.sightings import Sighting, Sightings, kind_cost
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
 _CENTRED: Final = 0.006
-"""One that depth sees so near to its centre, to 2 mm, is not one that outlines look for in vain: up to 10 mm off [m]."""
+"""One that depth sees so near to its centre, to 2 mm, is none that outlines look for in vain: up to 10 mm off [m]."""
 _NUDGED: Final = 0.0085
 """One in a tray that stands further off is put right [m]: fingers find it up to 10 mm off, and 1.5 are for sight."""
 _ABOUT: Final = 0.024
