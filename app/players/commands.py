@@ -37,6 +37,9 @@ class Word(StrEnum):
     GO = "go"
     DRAW = "draw"
     RESIGN = "resign"
+    DECLINE = "decline"
+    ABORT = "abort"
+    CLAIM = "claim"
     SIDE = "side"
     NEW = "new"
     KEEP = "keep"
@@ -54,6 +57,9 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.GO: "continue after a pause, or after STOP",
         Word.DRAW: "offer a draw, or claim one",
         Word.RESIGN: "give up the game",
+        Word.DECLINE: "decline the draw or take-back that an opponent elsewhere proposes",
+        Word.ABORT: "end a game against an opponent elsewhere without a result, if it has hardly begun",
+        Word.CLAIM: "claim the game if an opponent elsewhere has left it",
         Word.SIDE: "change sides: the engine plays for you, and you for it",
         Word.NEW: "give up this game and play another, as before or for instance 'new black elo 1500 clock 10+5'",
         Word.KEEP: "continue with the board as it stands: another game begins from what the camera sees",

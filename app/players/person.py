@@ -64,9 +64,11 @@ class Human:
         lines: what they type.
         hands: theirs, in a simulated world; None: they move pieces by themselves, or there are no pieces to move.
         require: raises a UserError or an EngineProblem where there cannot be such a game as they wish for.
+        refusal: why what they have said cannot be had in this game, a sentence; None: it can.
     """
 
     colour: chess.Color
     lines: Lines
     hands: Hands | None
     require: Callable[[NewGame], None] = lambda _: None
+    refusal: Callable[[str], str | None] = lambda _: None

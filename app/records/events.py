@@ -86,6 +86,8 @@ class StartEvent(_Stamped):
     black: str
     seed: int
     pace: Pace
+    site: str = "?"
+    """Where it is played, as in PGN."""
     time_control: str | None = None
     """As in PGN; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
@@ -310,7 +312,7 @@ def start_event(
     """The first event of a record: who plays, from which position, and what stands where."""
     return StartEvent(
         wall_time=wall_time, plant_time=plant_time, ply=0, fen=board.fen(), chess960=board.chess960, white=setup.white,
-        black=setup.black, seed=setup.seed, pace=setup.pace, time_control=setup.time_control,
+        black=setup.black, seed=setup.seed, pace=setup.pace, site=setup.site, time_control=setup.time_control,
         inventory=piece_records(inventory),
     )  # fmt: skip
 
