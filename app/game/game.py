@@ -8,7 +8,7 @@ from collections.abc import Callable
 import chess
 
 from app import UserError
-from app.execution.state import LEFT, WRONG, GameEnd, Remark
+from app.execution.state import LEFT, WRONG, Remark
 from app.execution.table import Table
 from app.game.bystander import Bystander
 from app.game.clock import side_name
@@ -16,10 +16,10 @@ from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
 from app.game.remote_turn import RemoteTurn
 from app.game.timing import Timing
+from app.players.ending import GameEnd, Result
 from app.players.person import Human, Lines
 from app.players.players import Decision, Players
 from app.players.remote import RemoteOpponent
-from app.records.events import Result
 from app.rig.arm import FELT
 from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem

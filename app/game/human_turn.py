@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.state import KEPT, WRONG, GameEnd, Remark
+from app.execution.state import KEPT, WRONG, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.complaints import Complaints
@@ -33,6 +33,7 @@ from app.players.commands import (
     help_text,
     parse_command,
 )
+from app.players.ending import GameEnd
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
@@ -51,6 +52,8 @@ POLL: Final = 0.2
 FORBEARANCE: Final = 2.0
 """So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
 castling or for a queen [s, wall]."""
+
+_HERE: Final = "that is for games against somebody elsewhere: here you play against the robot"
 
 
 class HumanTurn:
@@ -202,12 +205,9 @@ class HumanTurn:
             Word.NEW: lambda: self.left(Word.NEW),
             Word.KEEP: self._keep,
             Word.QUIT: lambda: self.left(Word.QUIT),
-            **dict.fromkeys((Word.DECLINE, Word.ABORT, Word.CLAIM), self._nobody_elsewhere),
+            **dict.fromkeys((Word.DECLINE, Word.ABORT, Word.CLAIM), lambda: self._ui.say(_HERE)),
         }
         return words[command]()
-
-    def _nobody_elsewhere(self) -> None:
-        self._ui.say("that is for games against somebody elsewhere: here you play against the robot")
 
     def _keep(self) -> GameEnd | None:
         if self._table.observer is not None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import chess
 
 from app import UserError
-from app.execution.state import KEPT, LEFT, GameEnd, Told
+from app.execution.state import KEPT, LEFT, Told
 from app.game.clock import side_name
 from app.pieces.inventory import Inventory, Ply
 from app.players.commands import (
@@ -29,6 +29,7 @@ from app.players.commands import (
     said_of_square,
     word_of,
 )
+from app.players.ending import GameEnd
 from app.players.person import Hands, Human, Lines, PersonGone
 from app.rig.arm import Arm
 from app.terminal.interface import UserInterface

@@ -49,8 +49,9 @@ class RemoteTiming(Timing):
         clock, left = self._opponent.clock(), self.left()
         if clock is None or left is None:
             return None
-        net = clock.increment - self._motion - OVERHEAD
-        told = left[colour] - OVERHEAD + min(0.0, net) * (HORIZON - 1)
+        lost = clock.latency + OVERHEAD
+        net = clock.increment - self._motion - lost
+        told = left[colour] - lost + min(0.0, net) * (HORIZON - 1)
         clocks = {colour: max(told, LEAST_SHARE * left[colour]), not colour: left[not colour]}
         return chess.engine.Limit(
             white_clock=max(0.001, clocks[chess.WHITE]), black_clock=max(0.001, clocks[chess.BLACK]),

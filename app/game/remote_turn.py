@@ -13,18 +13,19 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.execution.state import LEFT, WRONG, GameEnd, Remark
+from app.execution.state import LEFT, WRONG, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.timing import Timing
 from app.players.commands import Word, word_of
+from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
 from app.players.remote import (
-    Answered,
-    Ended,
+    GameOver,
     Notice,
     Offer,
+    OfferAnswered,
     Offered,
     RemoteEvent,
     RemoteMove,
@@ -238,13 +239,13 @@ class RemoteTurn:
                 return self._make(event)
             case TakenBack():
                 return self._take_back(event.plies)
-            case Ended():
+            case GameOver():
                 surplus = event.plies is not None and event.plies < len(self._table.board.move_stack)
                 wrong = self._take_back(event.plies or 0) if surplus else None
                 return wrong or event.end
             case Offered():
                 self._hear_offer(event)
-            case Answered():
+            case OfferAnswered():
                 self._offered.pop(event.what, None)
                 self._say(f"{self._opponent.name} {'accepts' if event.accepted else 'declines'} {_NAMES[event.what]}")
             case Notice():

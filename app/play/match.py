@@ -30,11 +30,11 @@ from app.pieces.inventory import Inventory
 from app.play.session import Round
 from app.play.table_setup import TableSetup
 from app.players.commands import Word
+from app.players.ending import Result
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
 from app.records import EVENTS_FILE, GameRecord, GameSetup
-from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
 from app.terminal.interface import UserInterface

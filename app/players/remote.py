@@ -12,7 +12,7 @@ from typing import Protocol
 
 import chess
 
-from app.execution.state import GameEnd
+from app.players.ending import GameEnd
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Offered:
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class OfferAnswered:
     """They have answered what was proposed to them, or withdrawn what they had proposed."""
 
     what: Offer
@@ -61,7 +61,7 @@ class TakenBack:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class GameOver:
     """The game is over, or goes no further, for whichever reason; it is also said where the rules have ended it.
 
     Attributes:
@@ -81,11 +81,11 @@ class Notice:
     sentence: str
 
 
-RemoteEvent = RemoteMove | Offered | Answered | TakenBack | Ended | Notice
+RemoteEvent = RemoteMove | Offered | OfferAnswered | TakenBack | GameOver | Notice
 
 
 @dataclass(frozen=True, slots=True)
-class RemoteClock:
+class OpponentClock:
     """The clock that counts, as far as it is known here.
 
     Attributes:
@@ -94,6 +94,7 @@ class RemoteClock:
         running: whose time runs; None: nobody's.
         at: monotonic wall time [s].
         increment: added to a side's time with each of its moves [s].
+        latency: until a move is known where the clock is kept [s].
     """
 
     white_left: float
@@ -101,6 +102,7 @@ class RemoteClock:
     running: chess.Color | None
     at: float
     increment: float = 0.0
+    latency: float = 0.0
 
     def left(self, colour: chess.Color, now: float) -> float:
         """What a side has at a monotonic instant, never below 0 [s]."""
@@ -126,8 +128,8 @@ class RemoteListing:
 class RemoteOpponent(Protocol):
     """The opponent of a game that is played here and somewhere else. Calls return at once, but for ``next``.
 
-    What is told while the connection is cut is sent when it is back; what the other end refuses arrives as ``Ended`` or
-    a ``Notice``.
+    What is told while the connection is cut is sent when it is back; what the other end refuses arrives as ``GameOver``
+    or a ``Notice``.
     """
 
     @property
@@ -169,5 +171,5 @@ class RemoteOpponent(Protocol):
     def mending(self, busy: bool) -> None:
         """The table here must be put right, or has been: the clocks should stand meanwhile, where that can be."""
 
-    def clock(self) -> RemoteClock | None:
+    def clock(self) -> OpponentClock | None:
         """The clock that counts; None: the game is played without."""

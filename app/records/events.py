@@ -18,12 +18,12 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from app.pieces.inventory import Inventory, MoveKind, Ply, Stage, Transfer
 from app.pieces.layout import colour_of
+from app.players.ending import Result
 from app.records.files import RecordError, whole_lines
 from hardware.frozen import Frozen
 from hardware.piece_set import Colour, Kind
 
 Pace = Literal["real", "fast"]
-Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 By = Literal["arm", "hand"]
 RepairedBy = Literal["arm", "person"]
 
@@ -87,9 +87,8 @@ class StartEvent(_Stamped):
     seed: int
     pace: Pace
     site: str = "?"
-    """Where it is played, as in PGN."""
     time_control: str | None = None
-    """As in PGN; null: played without a clock."""
+    """As in PGN, and so is the site; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
 
 

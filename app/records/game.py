@@ -13,6 +13,7 @@ import chess.engine
 from pydantic import JsonValue
 
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
+from app.players.ending import Result
 from app.records.events import (
     AnyEvent,
     EndEvent,
@@ -22,7 +23,6 @@ from app.records.events import (
     PlyOutcome,
     Purpose,
     RepairedBy,
-    Result,
     ResumeEvent,
     SideEvent,
     StartEvent,

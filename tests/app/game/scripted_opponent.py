@@ -11,10 +11,10 @@ import chess
 
 from app.game import GameEnd
 from app.players.remote import (
-    Answered,
-    Ended,
+    GameOver,
     Offer,
-    RemoteClock,
+    OfferAnswered,
+    OpponentClock,
     RemoteEvent,
     RemoteListing,
     RemoteMove,
@@ -45,13 +45,16 @@ def ends_when_asked(opponent: ScriptedOpponent, told: str) -> Sequence[RemoteEve
     result = "1-0" if opponent.colour else "0-1"
     match told:
         case "resign":
-            return [Ended(GameEnd(result, "they resign", complete=True))]
+            return [GameOver(GameEnd(result, "they resign", complete=True))]
         case "abort":
-            return [Ended(GameEnd("*", "aborted", complete=True))]
+            return [GameOver(GameEnd("*", "aborted", complete=True))]
         case "offer draw":
-            return [Answered(Offer.DRAW, accepted=True), Ended(GameEnd("1/2-1/2", "draw agreed", complete=True))]
+            return [
+                OfferAnswered(Offer.DRAW, accepted=True),
+                GameOver(GameEnd("1/2-1/2", "draw agreed", complete=True)),
+            ]
         case "offer take back":
-            return [Answered(Offer.TAKE_BACK, accepted=False)]
+            return [OfferAnswered(Offer.TAKE_BACK, accepted=False)]
         case _:
             return []
 
@@ -63,7 +66,7 @@ class ScriptedOpponent:
     colour: chess.Color
     scripts: Sequence[Script]
     name: str = "Ada"
-    time: RemoteClock | None = None
+    time: OpponentClock | None = None
     told: list[str] = field(default_factory=list)
     events: deque[RemoteEvent] = field(default_factory=deque)
 
@@ -101,7 +104,7 @@ class ScriptedOpponent:
     def mending(self, busy: bool) -> None:
         self._hear(f"mending {busy}")
 
-    def clock(self) -> RemoteClock | None:
+    def clock(self) -> OpponentClock | None:
         return self.time
 
     def _hear(self, told: str) -> None:

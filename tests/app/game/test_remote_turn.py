@@ -16,12 +16,12 @@ from app.game import GameEnd
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
 from app.players.remote import (
-    Answered,
-    Ended,
+    GameOver,
     Notice,
     Offer,
+    OfferAnswered,
     Offered,
-    RemoteClock,
+    OpponentClock,
     RemoteEvent,
     RemoteMove,
     TakenBack,
@@ -32,6 +32,7 @@ from app.terminal.interface import UserInterface
 from app.terminal.shown import ClockShown
 from tests.app.game.scripted_opponent import Script, ScriptedOpponent, Source, ends_when_asked, line_of
 
+CLOCK = OpponentClock(60.0, 60.0, running=chess.WHITE, at=0.0)
 MATE = ("f3", "e5", "g4", "Qh4#")
 
 
@@ -70,6 +71,10 @@ def at(told: str, *events: RemoteEvent) -> Script:
     return lambda _, heard: events if heard == told else ()
 
 
+def made(ply: int, uci: str) -> RemoteMove:
+    return RemoteMove(ply, chess.Move.from_uci(uci))
+
+
 def settings(folder: Path, person: bool = True, **more: object) -> Settings:
     sides = {"white.player": "human"} if person else {"engine.nodes": 200}
     return settings_of({"rig.name": "board", "rig.video": False, "out": folder, **sides, **more})
@@ -92,15 +97,15 @@ def sans(folder: Path) -> str:
     return game.board().variation_san(game.mainline_moves())
 
 
-def ended(result: str, reason: str, plies: int | None = None) -> Ended:
-    return Ended(GameEnd(result, reason, complete=True), plies)  # type: ignore[arg-type]
+def ended(result: str, reason: str, plies: int | None = None) -> GameOver:
+    return GameOver(GameEnd(result, reason, complete=True), plies)  # type: ignore[arg-type]
 
 
 def test_a_person_plays_and_the_arm_makes_the_other_moves(tmp_path: Path) -> None:
     opponent = ScriptedOpponent(
         chess.BLACK,
         [line_of(*MATE), at("stands 4", ended("0-1", "White is mated"))],
-        time=RemoteClock(60, 50, True, 0.0),
+        time=CLOCK,
     )
     done, ui = play(tmp_path, opponent, "f3", "g4")
     assert (done.holds, done.report.result, done.report.exit_reason) == (True, "0-1", "White is mated")
@@ -119,7 +124,9 @@ def test_a_person_plays_and_the_arm_makes_the_other_moves(tmp_path: Path) -> Non
 
 def test_an_engine_plays_and_its_move_is_told_before_the_arm_has_made_it(tmp_path: Path) -> None:
     opponent = ScriptedOpponent(
-        chess.WHITE, [line_of("e4"), at("stands 2", ended("1-0", "Black resigns"))], time=RemoteClock(60, 60, True, 0.0)
+        chess.WHITE,
+        [line_of("e4"), at("stands 2", ended("1-0", "Black resigns"))],
+        time=CLOCK,
     )
     done, _ = play(tmp_path, opponent, person=False)
     assert (done.report.plies, done.report.result) == (2, "1-0")
@@ -169,7 +176,7 @@ def test_a_game_that_is_left_goes_on_with_what_has_happened_since(tmp_path: Path
     done, _ = play(tmp_path, first, "f3", "quit")
     assert (done.report.plies, done.resumable) == (2, True)
     # our next move was told, and never made here; theirs came after it
-    moves = at("stands 2", RemoteMove(2, chess.Move.from_uci("g2g4")), RemoteMove(3, chess.Move.from_uci("d8h4")))
+    moves = at("stands 2", made(2, "g2g4"), made(3, "d8h4"))
     second = ScriptedOpponent(chess.BLACK, [moves, at("stands 4", ended("0-1", "White is mated", 4))])
     again = resume_remote_games(tmp_path, Told(), TypedWhenAsked(), Source(second))
     assert again.report.result == "0-1"
@@ -192,7 +199,7 @@ def test_both_sides_take_back_and_offer_draws(tmp_path: Path) -> None:
             case "stands 2" if "offer take back" not in opponent.told:
                 return [Offered(Offer.TAKE_BACK, 1)]
             case "offer take back":
-                return [TakenBack(1), RemoteMove(1, chess.Move.from_uci("c7c5"))]
+                return [TakenBack(1), made(1, "c7c5")]
             case "stands 4":
                 return [Offered(Offer.DRAW), Notice("the link was lost and is back")]
             case "offer draw":
@@ -200,9 +207,7 @@ def test_both_sides_take_back_and_offer_draws(tmp_path: Path) -> None:
             case _:
                 return []
 
-    opponent = ScriptedOpponent(
-        chess.BLACK, [line_of("f3", "e5"), at("stands 3", RemoteMove(3, chess.Move.from_uci("d7d6"))), agree]
-    )
+    opponent = ScriptedOpponent(chess.BLACK, [line_of("f3", "e5"), at("stands 3", made(3, "d7d6")), agree])
     done, ui = play(tmp_path, opponent, "f3", "takeback", "e4", "draw")
     assert done.report.exit_reason == "draw agreed"
     assert sans(tmp_path) == "1. f3 c5 2. e4 d6"
@@ -230,9 +235,7 @@ def test_their_word_on_the_end_counts_and_the_rules_where_they_are_silent(
 
 
 def test_a_move_that_cannot_be_is_told_in_one_sentence(tmp_path: Path) -> None:
-    done, _ = play(
-        tmp_path, ScriptedOpponent(chess.WHITE, [at("stands 0", RemoteMove(1, chess.Move.from_uci("e7e5")))])
-    )
+    done, _ = play(tmp_path, ScriptedOpponent(chess.WHITE, [at("stands 0", made(1, "e7e5"))]))
     assert [one.reason for one in done.report.failures] == [
         "Ada has e7e5 as ply 2, and 0 plies stand on this board, after which that cannot be: look at the game where it "
         "is played, and resume it"
@@ -252,7 +255,7 @@ def test_one_game_after_the_other_with_the_pieces_set_up_first(tmp_path: Path) -
 
 
 def test_the_clock_that_counts_is_theirs(tmp_path: Path) -> None:
-    clock = RemoteClock(30.0, 20.0, chess.WHITE, at=100.0, increment=2.0)
+    clock = OpponentClock(30.0, 20.0, chess.WHITE, at=100.0, increment=2.0)
     assert (clock.left(chess.WHITE, 104.0), clock.left(chess.BLACK, 104.0)) == (26.0, 20.0)
     assert clock.left(chess.WHITE, 500.0) == 0.0
     from app.game.remote_timing import RemoteTiming
@@ -263,7 +266,8 @@ def test_the_clock_that_counts_is_theirs(tmp_path: Path) -> None:
     assert shown == [ClockShown({chess.WHITE: 26.0, chess.BLACK: 20.0}, chess.WHITE)]
     limit = timing.limit(chess.BLACK)
     assert limit is not None
-    assert limit.black_clock is not None and limit.black_clock < 20.0 - 0.05
+    assert limit.black_clock is not None
+    assert limit.black_clock < 20.0 - 0.05
     assert limit.black_inc == 0.0, "the arm takes as long as the increment"
     assert limit.white_inc == 2.0
     assert timing.fallen(chess.Board()) is None
@@ -274,7 +278,7 @@ def test_declined_offers_are_told(tmp_path: Path) -> None:
         chess.BLACK,
         [
             at("stands 0", Offered(Offer.DRAW)),
-            at("decline draw", Answered(Offer.TAKE_BACK, accepted=False)),
+            at("decline draw", OfferAnswered(Offer.TAKE_BACK, accepted=False)),
             ends_when_asked,
         ],
     )
