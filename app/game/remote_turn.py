@@ -246,8 +246,7 @@ class RemoteTurn:
             case Offered():
                 self._hear_offer(event)
             case OfferAnswered():
-                self._offered.pop(event.what, None)
-                self._say(f"{self._opponent.name} {'accepts' if event.accepted else 'declines'} {_NAMES[event.what]}")
+                self._hear_answer(event)
             case Notice():
                 self._say(event.sentence)
         return None
@@ -296,6 +295,12 @@ class RemoteTurn:
         word = {Offer.DRAW: Word.DRAW, Offer.TAKE_BACK: Word.TAKE_BACK}.get(what)
         if word is not None:
             self._say(f"{self._opponent.name} proposes {_NAMES[what]}: say '{word}' to accept, or '{Word.DECLINE}'")
+
+    def _hear_answer(self, event: OfferAnswered) -> None:
+        if not event.withdrawn:
+            self._say(f"{self._opponent.name} {'accepts' if event.accepted else 'declines'} {_NAMES[event.what]}")
+        elif self._offered.pop(event.what, None) is not None:
+            self._say(f"{self._opponent.name} does not propose {_NAMES[event.what]} any more")
 
     def _say(self, sentence: str) -> None:
         self.spoken += 1

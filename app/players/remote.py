@@ -51,6 +51,8 @@ class OfferAnswered:
 
     what: Offer
     accepted: bool
+    withdrawn: bool = False
+    """It was theirs, and stands no more."""
 
 
 @dataclass(frozen=True, slots=True)
