@@ -58,9 +58,9 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "online": online, "demo": demo, "replay": replay, "setup": setup, "resume": resume,
-    "report": report, "film": film, "dataset": dataset, "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
-    "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
-    "figures": figures, "bench": bench,
+    "report": report, "film": film, "dataset": dataset, "page": page, "config": show_config, "controller": controller,
+    "world": world, "check": check, "commission": commission, "calibrate": calibrate, "identify": identify,
+    "link-test": link_test, "vision": vision, "figures": figures, "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

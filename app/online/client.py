@@ -25,6 +25,10 @@ SILENCE: Final = 25.0
 """How long the server may say nothing: a stream is kept alive by an empty line each seven seconds [s, wall]."""
 RATE_LIMIT: Final = 60.0
 """How long nothing is asked after an answer 429: a full minute, as the server's rules say [s, wall]."""
+TRIES: Final = 4
+"""So often a request is made that does not reach the server, or whose answer does not come back."""
+AGAIN: Final = 1.0
+"""What is waited in between [s, wall]."""
 LONGEST_LINE: Final = 1 << 20
 """Of a stream [bytes]."""
 _TOO_MANY: Final = 429
@@ -229,15 +233,21 @@ class LichessClient:
     def act(self, kind: str, game: str, what: str) -> None:
         """Do something in a game, such as ``move/e2e4``, ``draw/yes``, ``takeback/no``, ``resign`` or ``abort``."""
         since = self.waiting.now()
-        self._ask("POST", f"api/{kind}/game/{game}/{what}")
+        self._ask("POST", f"api/{kind}/game/{game}/{what}", tries=1)
         took = max(0.0, self.waiting.now() - since)
         self.latency = took if not self.latency else 0.8 * self.latency + 0.2 * took
 
     # ----------------------------------------------------------------------------------------------------------- parts
 
-    def _ask(self, method: str, path: str, data: Mapping[str, str] | None = None) -> Any:
-        with self._one_at_a_time:
-            return self._request(self._requestor, _JSON, method, path, data, stream=False)
+    def _ask(self, method: str, path: str, data: Mapping[str, str] | None = None, tries: int = TRIES) -> Any:
+        for left in reversed(range(tries)):
+            try:
+                with self._one_at_a_time:
+                    return self._request(self._requestor, _JSON, method, path, data, stream=False)
+            except Cut:
+                if not left or self.waiting.wait(AGAIN, self.closed):
+                    raise
+        raise AssertionError("the last try returns or raises")
 
     def _stream(self, method: str, path: str, data: Mapping[str, str] | None = None) -> Stream:
         stream = self._request(self._new_requestor(), _STREAMED, method, path, data, stream=True)
