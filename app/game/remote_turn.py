@@ -70,17 +70,17 @@ class RemoteTurn:
         timing: shown whenever something arrives.
         ui: shown what happens.
         lines: what is said here; None: nobody says anything.
-        answers: whether the person here moves pieces of a colour by themselves, and so whenever they please.
-        takes_back: an engine that plays here agrees to take back; a person is asked.
+        answers: whether the person here moves pieces of a colour by themselves, and so whenever they please; None: an
+            engine plays here, which answers offers by itself.
     """
 
     def __init__(
         self, opponent: RemoteOpponent, table: Table, players: Players, timing: Timing, ui: UserInterface,
-        lines: Lines | None, answers: Callable[[chess.Color], bool] | None = None, *, takes_back: bool = True,
+        lines: Lines | None, answers: Callable[[chess.Color], bool] | None = None,
     ) -> None:  # fmt: skip
         self._opponent, self._table, self._players = opponent, table, players
         self._timing, self._ui, self._lines = timing, ui, lines
-        self._answers, self._takes_back = answers, takes_back
+        self._answers = answers
         self._offered = dict[Offer, Offered]()
         self.spoken = 0
         """So many sentences were said: whoever asks something meanwhile asks again."""
@@ -282,11 +282,10 @@ class RemoteTurn:
         return None if well else WRONG
 
     def _hear_offer(self, event: Offered) -> None:
-        """A person is asked; an engine answers."""
+        """A person is asked; an engine agrees to take back, and to a draw by its own scores."""
         what = event.what
         if self._answers is None and what is not Offer.REMATCH:
-            agrees = self._players.accepts_draw(self._table.board, not self._opponent.colour)
-            if agrees if what is Offer.DRAW else self._takes_back:
+            if what is Offer.TAKE_BACK or self._players.accepts_draw(self._table.board, not self._opponent.colour):
                 self._opponent.offer(what)
             else:
                 self._opponent.decline(what)

@@ -209,8 +209,8 @@ class LichessClient:
         self._ask("POST", "api/board/seek", terms)
 
     def challenge(self, name: str, terms: Mapping[str, str]) -> str:
-        """Challenge somebody; the id of the challenge, and of the game that it becomes."""
-        return id_of(self._ask("POST", f"api/challenge/{name}", terms))
+        """Challenge somebody; the id of the challenge, and of the game that it becomes. It is tried once."""
+        return id_of(self._ask("POST", f"api/challenge/{name}", terms, tries=1))
 
     def accept(self, challenge: str) -> None:
         """Accept a challenge."""

@@ -34,6 +34,10 @@ POLL: Final = 0.2
 """How long is waited for events before it is asked what is said here [s, wall]."""
 EXPIRY: Final = 20.0
 """A challenge to a game at the board is gone after so long, unless it is made anew [s, wall]."""
+CHALLENGES: Final = 3
+"""So often somebody is challenged who does not answer."""
+REMATCH: Final = 3.0
+"""How long their own proposal of a rematch is waited for, before they are challenged [s, wall]."""
 _FIRST_LINE: Final = 5
 """So often a game's stream is opened until its first line has come."""
 
@@ -197,31 +201,40 @@ class Lobby:
     def _challenge(self, name: str, rematch_of: str | None = None) -> str | None:
         """Challenge somebody, again and again where that expires; or accept what they propose of that game."""
         self._ui.phase(f"challenging {name} ({self._terms})")
-        mine: str | None = None
 
         def answer(challenge: Challenge) -> None:
-            if rematch_of is not None and challenge.rematch_of == rematch_of and self._suits(challenge) is None:
-                self._client.accept(challenge.id)
+            if rematch_of is not None and challenge.rematch_of == rematch_of:
+                self._answer(challenge)
 
-        while True:
-            mine = self._client.challenge(name, self._terms.for_challenge())
-            expiry = None if self._terms.limit is None else EXPIRY
+        if rematch_of is not None:
+            try:
+                return self._until(answer, expiry=REMATCH)
+            except _Expired:
+                pass  # then they are asked
+        expiry = None if self._terms.limit is None else EXPIRY
+        for _ in range(CHALLENGES):
+            mine: str | None = None
+            try:
+                mine = self._client.challenge(name, self._terms.for_challenge())
+            except Cut:
+                expiry = EXPIRY  # it may have been made all the same: nobody is challenged twice at once
             try:
                 game = self._until(answer, mine, expiry)
             except _Declined as declined:
                 raise UserError(f"{name} does not accept: {declined}") from declined
             except _Expired:
                 continue
-            if game is None:
+            if game is None and mine is not None:
                 self._client.cancel(mine)
             return game
+        raise UserError(f"{name} has not answered for {CHALLENGES * EXPIRY:.0f} s: ask again another time")
 
     def _seek(self) -> str | None:
         self._ui.phase(f"looking for an opponent ({self._terms}); say 'quit' to leave")
         if self._terms.limit is None:
             self._client.seek_days(self._terms.for_seek())
             return self._until(lambda _: None)
-        seek = _Seek(self._client, self._terms)
+        seek = _Seek(self._client, self._terms, frozenset(self._over))
         try:
             return self._until(lambda _: None, trouble=seek.trouble)
         finally:
@@ -305,7 +318,13 @@ class Lobby:
             self._client.act(self._kind, game, "abort")
             raise UserError(f"the game {game} is no usual chess, and this table knows no other: it was aborted")
         self._opponent = LichessOpponent(
-            self._client, self._kind, full, stream, self._account.id, claims=self._kind == "bot"
+            self._client,
+            self._kind,
+            full,
+            stream,
+            self._account.id,
+            claims=self._kind == "bot",
+            takes_back=self._kind == "board" or self._online.take_backs,
         )
         self._ui.say(
             f"{full.white.shown} plays {full.black.shown} at {self._client.server}/{game}; the server answers in "
@@ -339,10 +358,10 @@ class _Expired(Exception):
 
 
 class _Seek:
-    """A seek, kept alive by a thread of its own and made anew where it expires."""
+    """A seek, kept alive by a thread of its own and made anew where it expires; ``known``: games found before it."""
 
-    def __init__(self, client: LichessClient, terms: Terms) -> None:
-        self._client, self._terms = client, terms
+    def __init__(self, client: LichessClient, terms: Terms, known: frozenset[str]) -> None:
+        self._client, self._terms, self._known = client, terms, known
         self._closed = threading.Event()
         self._error: UserError | None = None
         self._stream: Stream | None = None
@@ -365,6 +384,8 @@ class _Seek:
         tries = 0
         while not self._closed.is_set():
             try:
+                if self._client.playing() - self._known:
+                    return  # it has found somebody
                 self._stream = self._client.seek(self._terms.for_seek())
                 for _ in self._stream:
                     tries = 0

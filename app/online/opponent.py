@@ -63,13 +63,16 @@ class LichessOpponent:
         stream: that goes on with it.
         me: id of the account.
         claims: the game is claimed as soon as it can be, once the opponent has left; else when somebody says so.
+        takes_back: proposals to take back are told here; else they are declined.
     """
 
     def __init__(
-        self, client: LichessClient, kind: str, full: GameFull, stream: Stream, me: str, *, claims: bool = False
+        self, client: LichessClient, kind: str, full: GameFull, stream: Stream, me: str, *, claims: bool = False,
+        takes_back: bool = True,
     ) -> None:  # fmt: skip
         self.game = full.id
-        self._client, self._kind, self._full, self._claims = client, kind, full, claims
+        self._client, self._kind, self._full = client, kind, full
+        self._claims, self._takes_back = claims, takes_back
         white = full.white.id == me
         self._colour = chess.BLACK if white else chess.WHITE
         mine, theirs = (full.white, full.black) if white else (full.black, full.white)
@@ -288,10 +291,12 @@ class LichessOpponent:
         }  # fmt: skip
         for (colour, what), stands in flags.items():
             stood = self._offers.get((colour, what), False)
-            if stands and not stood and colour is self._colour:
+            if stands and not stood and colour is self._colour and what is Offer.TAKE_BACK and not self._takes_back:
+                self.decline(what)
+            elif stands and not stood and colour is self._colour:
                 to_move = (plies % 2 == 0) is self._colour
                 self._put(Offered(what, (2 if to_move else 1) if what is Offer.TAKE_BACK else 0))
-            elif stood and not stands:
+            elif stood and not stands and not (back and colour is self._colour):
                 self._put(OfferAnswered(what, accepted=back, withdrawn=colour is self._colour))
         self._offers = flags
 

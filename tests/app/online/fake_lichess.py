@@ -407,7 +407,7 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
 
-        def log_message(self, format: str, *args: Any) -> None:
+        def log_message(self, *_: Any) -> None:
             """Nobody reads it."""
 
         def do_GET(self) -> None:
@@ -539,9 +539,9 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
                 said = {"type": "challengeDeclined", "challenge": {"id": number}}
                 lichess._later(lambda: lichess._tell_account(said))
             else:
-                limit, increment = int(body.get("clock.limit", 0)), int(body.get("clock.increment", 0))
-                days = int(body["days"]) if "days" in body else None
-                lichess._later(lambda: lichess.begin(name.capitalize(), limit, increment, id=number, days=days) and None)
+                times = int(body.get("clock.limit", 0)), int(body.get("clock.increment", 0))
+                more = {"id": number, "days": int(body["days"]) if "days" in body else None}
+                lichess._later(lambda: lichess.begin(name.capitalize(), *times, **more) and None)
             return None
 
         def _answer_challenge(self, number: str, verb: str, body: dict[str, str]) -> None:

@@ -25,8 +25,8 @@ from app.terminal.shown import ClockShown
 from tests.app.online.fake_lichess import TOKEN, FakeGame, FakeLichess, Temper
 
 ROUGH = {
-    "cut": 0.12, "lost": 0.06, "limit": 0.02, "broken": 0.04, "draw": 0.06, "take_back": 0.08, "gone": 0.006,
-    "flag": 0.012, "resign": 0.02, "abort": 0.08, "again": 0.1, "chat": 0.05,
+    "cut": 0.12, "lost": 0.06, "limit": 0.02, "broken": 0.04, "draw": 0.05, "take_back": 0.08, "gone": 0.015,
+    "flag": 0.012, "resign": 0.02, "abort": 0.04, "again": 0.1, "chat": 0.05,
 }  # fmt: skip
 
 
@@ -51,9 +51,9 @@ class QuickTime:
 class Person(UserInterface):
     """A person at the board, and ``Lines`` of what they say: random legal moves, and a word now and then."""
 
-    accompanied = False
-
-    def __init__(self, seed: int, longest: int = 60, words: float = 0.1) -> None:
+    def __init__(self, seed: int, longest: int = 60, words: float = 0.1, rematches: int = 0) -> None:
+        self.accompanied = rematches > 0
+        self._rematches = rematches
         self._random = random.Random(seed)
         self._longest, self._words = longest, words
         self.board = chess.Board()
@@ -86,6 +86,9 @@ class Person(UserInterface):
         self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
     ) -> None:
         self._asked = turn
+        if "say 'rematch'" in sentence:
+            self._rematches -= 1
+            self._typed = ["rematch" if self._rematches >= 0 else "quit"]
 
     def answered(self) -> None:
         self._asked = False
@@ -143,13 +146,14 @@ class Played:
     """Requests within a minute after an answer 429."""
 
 
-def play(use: str, seed: int, folder: Path, temper: Temper | None = None, **more: object) -> Played:
-    """A game of the account as board or bot, with whatever the temper brings."""
+def play(use: str, seed: int, folder: Path, temper: Temper | None = None, rematches: int = 0, **more: object) -> Played:
+    """A game of the account as board or bot, with whatever the temper brings, and so many rematches."""
     folder.mkdir(parents=True)
     temper = temper or Temper(seed, **ROUGH)
-    quick, person = QuickTime(), Person(seed)
+    quick, person = QuickTime(), Person(seed, rematches=rematches if use == "person" else 0)
     with FakeLichess(temper, "BOT" if use == "bot" else None) as lichess, written_token(folder) as token:
-        lichess.now = quick.now
+        lichess.now, lichess.rematches = quick.now, rematches
+        more.setdefault("game.games", 1 + rematches if use == "bot" else 1)
         if use == "bot":
             lichess.challenged_by("Anna")
         done = run_online(settings(lichess, token, folder / "game", use, **more), person, person, waiting=quick)
@@ -171,15 +175,16 @@ def recorded(folder: Path) -> chess.pgn.Game:
 
 def require_same(played: Played) -> None:
     """The record here is the game there: moves, result, and no ply lost or doubled on the way; the token is nowhere."""
-    (game,) = played.games
-    pgn = recorded(played.folder)
-    assert [move.uci() for move in pgn.mainline_moves()] == game.moves, played.temper.happened
-    assert pgn.headers["Result"] == game.result
-    assert pgn.headers["Site"].endswith(f"/{game.id}")
-    events = [json.loads(line) for line in (played.folder / "events.jsonl").read_text().splitlines()]
-    plies = [event for event in events if event["event"] == "ply"]
-    back = sum(event.get("taken_back", 0) for event in events if event["event"] == "task")
-    assert len(plies) - back == len(game.moves)
+    for number, game in enumerate(played.games, start=1):
+        folder = played.folder if number == 1 else played.folder / f"game-{number}"
+        pgn = recorded(folder)
+        assert [move.uci() for move in pgn.mainline_moves()] == game.moves, played.temper.happened
+        assert pgn.headers["Result"] == game.result
+        assert pgn.headers["Site"].endswith(f"/{game.id}")
+        events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+        plies = [event for event in events if event["event"] == "ply"]
+        back = sum(event.get("taken_back", 0) for event in events if event["event"] == "task")
+        assert len(plies) - back == len(game.moves)
     assert played.done.holds, [failure.reason for failure in played.done.report.failures]
     assert played.late == 0
     require_no_token(played.folder)
