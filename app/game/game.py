@@ -136,11 +136,11 @@ class Game:
 
     def _answer(self, remote: RemoteTurn, decision: Decision) -> GameEnd | None:
         """What the engine here has decided, unless something has come from its opponent meanwhile."""
-        done = len(self._table.board.move_stack)
+        before = self._table.board.move_stack.copy()
         end = remote.heed()
         if end is None and decision.claims_draw:
             end = remote.claim_draw()
-        if end is not None or len(self._table.board.move_stack) != done:
+        if end is not None or self._table.board.move_stack != before:
             return end
         if decision.resigns:
             return remote.resign()

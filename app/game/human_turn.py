@@ -25,7 +25,6 @@ from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import (
     Command,
-    CommandError,
     MoveHand,
     NewGame,
     PlayMove,
@@ -98,14 +97,15 @@ class HumanTurn:
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
             line, unseen, command, other = None, self._table.replied, other, None
             if not unseen and command is None:
-                if (end := self._heed()) is not None or len(self._table.board.move_stack) != done:
+                before = self._table.board.move_stack.copy()
+                if (end := self._heed()) is not None or self._table.board.move_stack != before:
                     return end
                 line = self._listen()
             try:
                 if unseen:
                     end = self._take_up()
                 elif command is not None or line is not None:
-                    end = self._obey(command or self._understood(line or ""))
+                    end = self._obey(command or parse_command(line or "", self._table.board, self._human.refusal))
                 else:
                     end = self._glance()
             except (PersonGone, RecordError, ArmPaused, NeedsHand, NeedsGo, GameLeft):
@@ -141,12 +141,6 @@ class HumanTurn:
         if end is None and self._remote.spoken != spoken:
             self._prompt()
         return end
-
-    def _understood(self, line: str) -> Command:
-        self._told = ""
-        if (refusal := self._human.refusal(line)) is not None:
-            raise CommandError(refusal)
-        return parse_command(line, self._table.board)
 
     def _flag(self) -> GameEnd | None:
         """The game's end by time; not while what a hand has left may be the move: it counts from when the hand went."""

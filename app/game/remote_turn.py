@@ -122,11 +122,11 @@ class RemoteTurn:
     def confirmed(self, end: GameEnd) -> GameEnd | None:
         """How the game has ended that the rules end here, by the opponent's word; None: it goes on after all."""
         until = time.monotonic() + CONFIRMATION
-        done = len(self._table.board.move_stack)
+        before = self._table.board.move_stack.copy()
         while time.monotonic() < until:
             if (theirs := self.heed(POLL)) is not None:
                 return theirs
-            if len(self._table.board.move_stack) != done:
+            if self._table.board.move_stack != before:
                 return None
         return end
 
@@ -207,12 +207,12 @@ class RemoteTurn:
 
     def _wait(self, unconfirmed: str | None, longest: float = CONFIRMATION) -> GameEnd | None:
         """Until the game has ended or the position has changed; what is said where neither happens."""
-        until, done = time.monotonic() + longest, len(self._table.board.move_stack)
-        while time.monotonic() < until and len(self._table.board.move_stack) == done:
-            before = self.spoken
+        until, before = time.monotonic() + longest, self._table.board.move_stack.copy()
+        while time.monotonic() < until and self._table.board.move_stack == before:
+            spoken = self.spoken
             if (end := self.heed(POLL)) is not None:
                 return end
-            if self.spoken != before:
+            if self.spoken != spoken:
                 return None
         if unconfirmed is not None:
             self._say(unconfirmed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -124,15 +124,19 @@ class CommandError(UserError):
     """What was typed means nothing here; says what would."""
 
 
-def parse_command(text: str, board: chess.Board) -> Command:
-    """Understand a line as typed in a position, in which a move must be legal.
+def parse_command(
+    text: str, board: chess.Board, refusal: Callable[[str], str | None] = lambda _: None
+) -> Command:  # fmt: skip
+    """Understand a line as typed in a position, in which a move must be legal; ``refusal`` says why it cannot be had.
 
     Raises:
-        CommandError: it is neither a word nor a legal move.
+        CommandError: it is neither a word nor a legal move, or is refused.
     """
     words = text.strip().split()
     if not words:
         raise CommandError("type a move such as e4 or e2e4, or 'help'")
+    if (why := refusal(text)) is not None:
+        raise CommandError(why)
     first = words[0].lower()
     if first == "hand":
         return parse_hand(words[1:])

@@ -39,10 +39,14 @@ MATE = ("f3", "e5", "g4", "Qh4#")
 class Told(UserInterface):
     def __init__(self) -> None:
         self.said: list[str] = []
+        self.phases: list[str] = []
         self.clocks: list[ClockShown | None] = []
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         self.said.append(sentence)
+
+    def phase(self, text: str) -> None:
+        self.phases.append(text)
 
     def clock(self, shown: ClockShown | None) -> None:
         self.clocks.append(shown)
@@ -137,11 +141,10 @@ def test_an_engine_plays_and_its_move_is_told_before_the_arm_has_made_it(tmp_pat
 
 def test_what_cannot_be_had_against_somebody_elsewhere_is_refused_in_a_sentence_each(tmp_path: Path) -> None:
     opponent = ScriptedOpponent(chess.BLACK, [ends_when_asked])
-    done, ui = play(tmp_path, opponent, "hint", "side", "new", "new clock 5+3", "pause", "keep", "decline", "resign")
+    done, ui = play(tmp_path, opponent, "hint", "side", "new clock 5+3", "pause", "keep", "decline", "resign")
     assert done.report.exit_reason == "they resign"
-    assert len(ui.said) == 7
+    assert len(ui.said) == 6
     assert "no hints" in ui.said[0]
-    assert ui.said[2] == ui.said[3]
     assert done.report.plies == 0
 
 
@@ -224,6 +227,35 @@ def test_an_engine_answers_offers_by_itself(tmp_path: Path) -> None:
     assert done.report.exit_reason == "aborted"
     assert done.report.plies == 0
     assert "decline draw" in opponent.told  # too early for this engine
+
+
+class LateOpponent(ScriptedOpponent):
+    """Changes its first move while the engine thinks about it."""
+
+    late = 0
+
+    def next(self, timeout: float) -> RemoteEvent | None:
+        if self.late == 1:
+            self.late = 2
+            return None
+        return super().next(timeout)
+
+    def stands(self, board: chess.Board) -> None:
+        super().stands(board)
+        if len(board.move_stack) == 1 and not self.late:
+            self.late = 1
+            self.events += [TakenBack(0), made(0, "d2d4")]
+
+
+def test_an_engine_thinks_again_where_the_position_has_changed_and_not_the_number_of_plies(tmp_path: Path) -> None:
+    first = [at("stands 0", made(0, "e2e4")), at("stands 2", ended("1-0", "Black resigns"))]
+    opponent = LateOpponent(chess.WHITE, first)
+    opponent.scripts = [lambda one, told: () if one.late else first[0](one, told), first[1]]  # type: ignore[attr-defined]
+    done, ui = play(tmp_path, opponent, person=False)
+    assert done.holds
+    assert sans(tmp_path).startswith("1. d4")
+    assert len([phase for phase in ui.phases if phase.startswith("Black thinks")]) == 2
+    assert len([told for told in opponent.told if told.startswith("play")]) == 1
 
 
 def test_their_word_on_the_end_counts_and_the_rules_where_they_are_silent(
