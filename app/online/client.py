@@ -29,6 +29,8 @@ TRIES: Final = 4
 """So often a request is made that does not reach the server, or whose answer does not come back."""
 AGAIN: Final = 1.0
 """What is waited in between [s, wall]."""
+BACK_OFF: Final = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
+"""Waited before a cut link is tried again, the first time, the second, and so on [s, wall]."""
 LONGEST_LINE: Final = 1 << 20
 """Of a stream [bytes]."""
 _TOO_MANY: Final = 429
@@ -39,7 +41,7 @@ class Cut(Exception):
     """The server did not answer, or the connection was lost: worth trying again."""
 
 
-class Refused(Exception):
+class RequestRefused(Exception):
     """The server does not do what was asked: trying again changes nothing.
 
     Attributes:
@@ -149,8 +151,8 @@ _STREAMED: Final = _Streamed()
 class LichessClient:
     """What can be asked of the server for one account.
 
-    Every method raises ``Cut`` where the server cannot be reached, ``Refused`` where it says no, and ``UserError``
-    where the token is not accepted. After an answer 429 all of them first wait a full minute.
+    Every method raises ``Cut`` where the server cannot be reached, ``RequestRefused`` where it says no, and
+    ``UserError`` where the token is not accepted. After an answer 429 all of them first wait a full minute.
 
     Args:
         server: its address.
@@ -289,4 +291,4 @@ class LichessClient:
             )
         cause = error.cause.get("error") if isinstance(error.cause, dict) else None
         said = "".join(char for char in str(cause or error.reason)[:200] if char.isprintable())
-        return Refused(status, said)
+        return RequestRefused(status, said)

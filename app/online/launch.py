@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from app import UserError
-from app.online.client import Cut, LichessClient, Refused, Waiting
+from app.online.client import Cut, LichessClient, RequestRefused, Waiting
 from app.online.lobby import Lobby
 from app.online.messages import Account
 from app.online.terms import pace_of, require_kept, terms_of
@@ -138,7 +138,7 @@ def answered(client: LichessClient, question: Callable[[], _T]) -> _T:
     """What the server answers; a UserError where it does not."""
     try:
         return question()
-    except Refused as refusal:
+    except RequestRefused as refusal:
         raise UserError(f"{client.server} refuses: {refusal}") from refusal
     except Cut as cut:
         raise UserError(f"{client.server} does not answer ({cut}): look at your network, and at --server") from cut

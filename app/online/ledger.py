@@ -25,7 +25,7 @@ def moves_of(text: str) -> tuple[chess.Move, ...]:
     return tuple(moves)
 
 
-class Ledger:
+class MoveLedger:
     """The moves of a game as this table will have them once it has done all that it was told.
 
     Args:

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import queue
-import threading
 from collections.abc import Callable
 from typing import Final, Self
 
 from app import UserError
 from app.execution.state import LEFT
 from app.game.person import GameLeft, PersonAttendant, ask
-from app.online.client import CONNECTING, Cut, LichessClient, Refused, Stream
+from app.online.client import BACK_OFF, CONNECTING, Cut, LichessClient, RequestRefused, Stream
+from app.online.feeds import EventFeed, Seek
 from app.online.messages import (
     Account,
     Challenge,
     Challenged,
     ChallengeGone,
-    EventLine,
     GameFull,
     GameStart,
-    event_line,
     game_line,
 )
-from app.online.opponent import BACK_OFF, LichessOpponent
-from app.online.terms import BLITZ, Pace, Terms, of_challenge
+from app.online.opponent import LichessOpponent
+from app.online.terms import BLITZ, TablePace, Terms, of_challenge
 from app.players.commands import Word, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
@@ -42,63 +39,6 @@ _FIRST_LINE: Final = 5
 """So often a game's stream is opened until its first line has come."""
 
 
-class EventFeed:
-    """The account's event stream, read by a thread of its own and taken up again where it is cut."""
-
-    def __init__(self, client: LichessClient) -> None:
-        self._client = client
-        self._lines: queue.Queue[EventLine | UserError] = queue.Queue()
-        self._closed = threading.Event()
-        self._stream: Stream | None = None
-        self.open = threading.Event()
-        """It has been opened once."""
-        self._thread = threading.Thread(target=self._read, name="lichess events", daemon=True)
-        self._thread.start()
-
-    def next(self, timeout: float) -> EventLine | None:
-        """The next one; None: there was none.
-
-        Raises:
-            UserError: no more will come.
-        """
-        try:
-            line = self._lines.get(timeout=timeout)
-        except queue.Empty:
-            return None
-        if isinstance(line, UserError):
-            raise line
-        return line
-
-    def close(self) -> None:
-        """End the thread."""
-        self._closed.set()
-        if self._stream is not None:
-            self._stream.close()
-        self._thread.join(timeout=2.0)
-
-    def _read(self) -> None:
-        tries = 0
-        while not self._closed.is_set():
-            try:
-                self._stream = self._client.events()
-                self.open.set()
-                for said in self._stream:
-                    tries = 0
-                    if said is not None and (line := event_line(said)) is not None:
-                        self._lines.put(line)
-            except Cut:
-                pass  # taken up again below
-            except Refused as refusal:
-                self._lines.put(UserError(f"{self._client.server} does not show what reaches this account: {refusal}"))
-                return
-            except UserError as error:
-                self._lines.put(error)
-                return
-            if self._client.waiting.wait(BACK_OFF[min(tries, len(BACK_OFF) - 1)], self._closed):
-                return
-            tries += 1
-
-
 class Lobby:
     """``OpponentSource`` of Lichess. A context manager: at its end nothing is asked, and no thread is left.
 
@@ -115,7 +55,7 @@ class Lobby:
     """
 
     def __init__(
-        self, client: LichessClient, account: Account, online: OnlineSection, terms: Terms, pace: Pace,
+        self, client: LichessClient, account: Account, online: OnlineSection, terms: Terms, pace: TablePace,
         ui: UserInterface, lines: Lines, games: int = 1, going_on: str | None = None,
     ) -> None:  # fmt: skip
         self._client, self._account, self._online = client, account, online
@@ -157,7 +97,7 @@ class Lobby:
             game = self._going_on or self._begin(last)
             self._going_on = None
             return None if game is None else self._enter(game)
-        except Refused as refusal:
+        except RequestRefused as refusal:
             raise UserError(f"{self._client.server} refuses: {refusal}") from refusal
         except Cut as cut:
             raise UserError(f"{self._client.server} does not answer ({cut}): look at your network") from cut
@@ -234,7 +174,7 @@ class Lobby:
         if self._terms.limit is None:
             self._client.seek_days(self._terms.for_seek())
             return self._until(lambda _: None)
-        seek = _Seek(self._client, self._terms, frozenset(self._over))
+        seek = Seek(self._client, self._terms, frozenset(self._over))
         try:
             return self._until(lambda _: None, trouble=seek.trouble)
         finally:
@@ -293,7 +233,7 @@ class Lobby:
             else:
                 self._ui.say(f"the challenge of {name} ({of_challenge(challenge)}) is declined: {reason}")
                 self._client.decline(challenge.id, reason)
-        except Refused as refusal:
+        except RequestRefused as refusal:
             self._ui.say(f"the challenge of {name} is gone: {refusal}")
 
     def _suits(self, challenge: Challenge) -> str | None:
@@ -355,48 +295,3 @@ class _Declined(Exception):
 
 class _Expired(Exception):
     """Who was challenged did not answer."""
-
-
-class _Seek:
-    """A seek, kept alive by a thread of its own and made anew where it expires; ``known``: games found before it."""
-
-    def __init__(self, client: LichessClient, terms: Terms, known: frozenset[str]) -> None:
-        self._client, self._terms, self._known = client, terms, known
-        self._closed = threading.Event()
-        self._error: UserError | None = None
-        self._stream: Stream | None = None
-        self._thread = threading.Thread(target=self._run, name="lichess seek", daemon=True)
-        self._thread.start()
-
-    def trouble(self) -> None:
-        """Raises what the server has against it."""
-        if self._error is not None:
-            raise self._error
-
-    def close(self) -> None:
-        """End it, and the thread."""
-        self._closed.set()
-        if self._stream is not None:
-            self._stream.close()
-        self._thread.join(timeout=2.0)
-
-    def _run(self) -> None:
-        tries = 0
-        while not self._closed.is_set():
-            try:
-                if self._client.playing() - self._known:
-                    return  # it has found somebody
-                self._stream = self._client.seek(self._terms.for_seek())
-                for _ in self._stream:
-                    tries = 0
-            except Cut:
-                pass  # made anew below
-            except Refused as refusal:
-                self._error = UserError(f"{self._client.server} refuses the seek: {refusal}")
-                return
-            except UserError as error:
-                self._error = error
-                return
-            if self._client.waiting.wait(BACK_OFF[min(tries + 2, len(BACK_OFF) - 1)], self._closed):
-                return
-            tries += 1

@@ -11,9 +11,9 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.online.client import Cut, LichessClient, Refused, Stream
+from app.online.client import BACK_OFF, Cut, LichessClient, RequestRefused, Stream
 from app.online.endings import end_of_game
-from app.online.ledger import Ledger, moves_of
+from app.online.ledger import MoveLedger, moves_of
 from app.online.messages import (
     ChatLine,
     GameFull,
@@ -37,15 +37,13 @@ from app.players.remote import (
     TakenBack,
 )
 
-BACK_OFF: Final = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
-"""Waited before a cut link is tried again, the first time, the second, and so on [s, wall]."""
 _CHAT: Final = 140
 """So much of a message is shown [characters]."""
 _SAYS: Final = {Offer.DRAW: "draw", Offer.TAKE_BACK: "takeback"}
 
 
 @dataclass(frozen=True, slots=True)
-class _Said:
+class _Saying:
     """Something to be said to the server: its path, and for a move its ply."""
 
     what: str
@@ -82,13 +80,13 @@ class LichessOpponent:
         self._events: queue.Queue[RemoteEvent] = queue.Queue()
         self._changes = 0
         """Events in the queue by which the table's position will change."""
-        self._ledger: Ledger | None = None
+        self._ledger: MoveLedger | None = None
         self._state = full.state
         self._clock: OpponentClock | None = None
         self._offers = dict[tuple[bool, Offer], bool]()
         self._cut = False
         self._over = False
-        self._outbox: deque[_Said] = deque()
+        self._outbox: deque[_Saying] = deque()
         self._refused = 0
         self._work = threading.Event()
         self._closed = threading.Event()
@@ -140,37 +138,37 @@ class LichessOpponent:
         with self._lock:
             if self._ledger is None or self._changes or self._over or not self._ledger.play(ply, move):
                 return
-            self._say(_Said(f"move/{move.uci()}" + ("?offeringDraw=true" if offers_draw else ""), ply, move))
+            self._say(_Saying(f"move/{move.uci()}" + ("?offeringDraw=true" if offers_draw else ""), ply, move))
 
     def stands(self, board: chess.Board) -> None:
         """See ``RemoteOpponent.stands``; what the table lacks follows."""
         with self._lock:
             if self._ledger is not None:
                 return
-            self._ledger = Ledger(not self._colour, board.move_stack)
+            self._ledger = MoveLedger(not self._colour, board.move_stack)
             self._agree(fresh=True)
 
     def offer(self, what: Offer) -> None:
         """See ``RemoteOpponent.offer``; a rematch is a matter of the lobby."""
         if what in _SAYS:
-            self._say(_Said(f"{_SAYS[what]}/yes"))
+            self._say(_Saying(f"{_SAYS[what]}/yes"))
 
     def decline(self, what: Offer) -> None:
         """See ``RemoteOpponent.decline``."""
         if what in _SAYS:
-            self._say(_Said(f"{_SAYS[what]}/no"))
+            self._say(_Saying(f"{_SAYS[what]}/no"))
 
     def resign(self) -> None:
         """See ``RemoteOpponent.resign``."""
-        self._say(_Said("resign"))
+        self._say(_Saying("resign"))
 
     def abort(self) -> None:
         """See ``RemoteOpponent.abort``."""
-        self._say(_Said("abort"))
+        self._say(_Saying("abort"))
 
     def claim(self) -> None:
         """See ``RemoteOpponent.claim``."""
-        self._say(_Said("claim-victory"))
+        self._say(_Saying("claim-victory"))
 
     def mending(self, busy: bool) -> None:
         """See ``RemoteOpponent.mending``: Lichess stops no clock."""
@@ -219,7 +217,7 @@ class LichessOpponent:
             self._stream = self._client.game(self._kind, self.game)
         except Cut:
             return True
-        except Refused as refusal:
+        except RequestRefused as refusal:
             self._give_up(f"the server does not show the game any more: {refusal}")
             return False
         except UserError as error:
@@ -277,7 +275,7 @@ class LichessOpponent:
                 self._refused = 0
                 self._change(ledger.give_up())
             else:
-                self._say(_Said(f"move/{unconfirmed[1].uci()}", *unconfirmed))
+                self._say(_Saying(f"move/{unconfirmed[1].uci()}", *unconfirmed))
 
     def _change(self, events: list[RemoteMove | TakenBack]) -> None:
         for event in events:
@@ -333,7 +331,7 @@ class LichessOpponent:
 
     # ------------------------------------------------------------------------------------------------------ speaking
 
-    def _say(self, said: _Said) -> None:
+    def _say(self, said: _Saying) -> None:
         with self._lock:
             self._outbox.append(said)
         self._work.set()
@@ -358,7 +356,7 @@ class LichessOpponent:
                     return
                 tries += 1
                 continue
-            except Refused as refusal:
+            except RequestRefused as refusal:
                 self._hear_refusal(said, refusal)
             except UserError as error:
                 self._give_up(str(error))
@@ -367,7 +365,7 @@ class LichessOpponent:
             tries = 0
             self._done(said)
 
-    def _pointless(self, said: _Said) -> bool:
+    def _pointless(self, said: _Saying) -> bool:
         """A move that the server has, or that was taken back; anything once the game is over."""
         with self._lock:
             if self._over:
@@ -376,12 +374,12 @@ class LichessOpponent:
                 return False
             return self._ledger.unconfirmed != (said.ply, said.move)
 
-    def _done(self, said: _Said) -> None:
+    def _done(self, said: _Saying) -> None:
         with self._lock:
             if self._outbox and self._outbox[0] is said:
                 self._outbox.popleft()
 
-    def _hear_refusal(self, said: _Said, refusal: Refused) -> None:
+    def _hear_refusal(self, said: _Saying, refusal: RequestRefused) -> None:
         if said.ply is not None:  # the whole game is asked for: it shows what has become of the move
             self._refused += 1
             self._stream.close()

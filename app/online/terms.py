@@ -74,7 +74,7 @@ class Terms:
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class TablePace:
     """How quickly this table plays.
 
     Attributes:
@@ -149,14 +149,14 @@ def _require_allowed(terms: Terms, *, named: bool) -> None:
         )
 
 
-def pace_of(settings: Settings, latency: float) -> Pace:
+def pace_of(settings: Settings, latency: float) -> TablePace:
     """How quickly this table plays, by its rig and settings."""
     usual = 0.0 if settings.rig.name == BOARD else ARM_SECONDS
     arm = usual if settings.online.arm_seconds is None else settings.online.arm_seconds
-    return Pace(arm, settings.online.use is OnlineUse.PERSON, latency)
+    return TablePace(arm, settings.online.use is OnlineUse.PERSON, latency)
 
 
-def require_kept(terms: Terms, pace: Pace) -> None:
+def require_kept(terms: Terms, pace: TablePace) -> None:
     """Refuse what the arm cannot keep.
 
     Raises:

@@ -517,16 +517,18 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
         def _seek(self, body: dict[str, str]) -> None:
             lichess.seeks += 1
             stream: queue.Queue[Any] = queue.Queue()
-            if "days" in body:
-                self._answer(200, {"id": "seek0001"})
-            else:
-                stream.put(END)
             limit, increment = int(60 * float(body.get("time", 0))), int(body.get("increment", 0))
             days = int(body["days"]) if "days" in body else None
-            more = {"days": days, "rated": body["rated"] == "true"}
-            lichess._later(lambda: lichess.begin("Anna", limit, increment, **more) and None)
+
+            def pair() -> None:
+                lichess.begin("Anna", limit, increment, days=days, rated=body["rated"] == "true")
+                stream.put(END)  # a seek ends once somebody is found
+
+            lichess._later(pair)
             if days is None:
                 self._pour(stream)
+            else:
+                self._answer(200, {"id": "seek0001"})
 
         def _challenge(self, name: str, body: dict[str, str]) -> None:
             if name == "nobody":

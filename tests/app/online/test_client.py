@@ -13,7 +13,7 @@ import pytest
 
 from app import UserError
 from app.online import client as client_module
-from app.online.client import RATE_LIMIT, Cut, LichessClient, Refused
+from app.online.client import RATE_LIMIT, Cut, LichessClient, RequestRefused
 from app.online.messages import MessageError
 from app.online.token import Token
 from tests.app.online.fake_lichess import TOKEN, FakeLichess, Temper
@@ -82,7 +82,7 @@ def test_nothing_that_anybody_logs_holds_the_token(caplog: pytest.LogCaptureFixt
     with caplog.at_level(logging.DEBUG), FakeLichess() as lichess:
         client = client_of(lichess)
         client.account()
-        with pytest.raises(Refused, match="Not found"):
+        with pytest.raises(RequestRefused, match="Not found"):
             client.act("board", "missing1", "resign")
     assert "api/account" in caplog.text
     assert TOKEN not in caplog.text
@@ -110,7 +110,7 @@ def test_a_server_that_is_not_there_is_a_cut_link() -> None:
         (response(b'{"id": 5}'), MessageError),
         (response(b"[]"), MessageError),
         (response(b"", "302 Found", "Location: http://127.0.0.1:9/\r\n"), Cut),
-        (response(b'{"error": "\\u001b[31mno\\n"}', "403 Forbidden"), Refused),
+        (response(b'{"error": "\\u001b[31mno\\n"}', "403 Forbidden"), RequestRefused),
         (response(b"", "503 Service Unavailable"), Cut),
     ],
 )

@@ -7,7 +7,7 @@ import random
 import chess
 import pytest
 
-from app.online.ledger import Ledger, moves_of
+from app.online.ledger import MoveLedger, moves_of
 from app.players.remote import RemoteMove, TakenBack
 
 LINE = moves_of("e2e4 e7e5 g1f3 b8c6 f1b5 a7a6")
@@ -39,14 +39,14 @@ def test_moves_are_read_also_where_castling_is_written_as_king_takes_rook() -> N
 
 
 def test_what_the_table_lacks_is_made_and_what_it_has_too_much_is_taken_back() -> None:
-    assert Ledger(chess.WHITE, ()).hear(LINE[:2]) == [RemoteMove(0, LINE[0]), RemoteMove(1, LINE[1])]
-    ledger = Ledger(chess.WHITE, LINE[:4])
+    assert MoveLedger(chess.WHITE, ()).hear(LINE[:2]) == [RemoteMove(0, LINE[0]), RemoteMove(1, LINE[1])]
+    ledger = MoveLedger(chess.WHITE, LINE[:4])
     assert ledger.hear(LINE[:4]) == []
     assert ledger.hear(LINE[:2]) == [TakenBack(2)]
 
 
 def test_a_move_of_ours_is_on_its_way_until_the_server_has_it() -> None:
-    ledger = Ledger(chess.WHITE, LINE[:2])
+    ledger = MoveLedger(chess.WHITE, LINE[:2])
     assert ledger.play(2, LINE[2])
     assert ledger.hear(LINE[:2]) == []
     assert ledger.unconfirmed == (2, LINE[2])
@@ -58,16 +58,16 @@ def test_a_move_of_ours_is_on_its_way_until_the_server_has_it() -> None:
 
 
 def test_a_move_that_was_made_here_before_this_program_began_is_on_its_way_too() -> None:
-    ledger = Ledger(chess.WHITE, LINE[:3])
+    ledger = MoveLedger(chess.WHITE, LINE[:3])
     assert ledger.hear(LINE[:2]) == []
     assert ledger.unconfirmed == (2, LINE[2])
     assert ledger.give_up() == [TakenBack(2)]
-    theirs = Ledger(chess.BLACK, LINE[:3])
+    theirs = MoveLedger(chess.BLACK, LINE[:3])
     assert theirs.hear(LINE[:2]) == [TakenBack(2)], "a move of theirs that they do not have is none"
 
 
 def test_a_take_back_overtakes_a_move_of_ours() -> None:
-    ledger = Ledger(chess.WHITE, LINE[:4])
+    ledger = MoveLedger(chess.WHITE, LINE[:4])
     assert ledger.play(4, LINE[4])
     assert ledger.hear(LINE[:3]) == [TakenBack(3)]
     assert ledger.unconfirmed is None
@@ -77,7 +77,7 @@ def test_a_take_back_overtakes_a_move_of_ours() -> None:
 def test_table_and_server_agree_whatever_happens(seed: int) -> None:
     drawn = random.Random(seed)
     server, table, colour = chess.Board(), Table(), drawn.random() < 0.5
-    ledger, on_the_way = Ledger(colour, ()), list[tuple[int, chess.Move]]()
+    ledger, on_the_way = MoveLedger(colour, ()), list[tuple[int, chess.Move]]()
     for _ in range(120):
         match drawn.randrange(5):
             case 0 if server.turn is not colour and any(server.legal_moves):

@@ -6,7 +6,7 @@ import pytest
 
 from app import UserError
 from app.online.messages import Challenge
-from app.online.terms import Pace, Terms, of_challenge, pace_of, require_kept, terms_of
+from app.online.terms import TablePace, Terms, of_challenge, pace_of, require_kept, terms_of
 from app.settings.files import settings_of
 from app.settings.tree import Settings
 
@@ -55,15 +55,15 @@ def test_blitz_is_for_a_challenge_and_anything_for_a_bot() -> None:
 
 def test_what_the_arm_cannot_keep_is_refused_with_the_figure() -> None:
     with pytest.raises(UserError) as caught:
-        require_kept(Terms(180, 0, None, False), Pace(2.0, person=False, latency=0.1))
+        require_kept(Terms(180, 0, None, False), TablePace(2.0, person=False, latency=0.1))
     assert str(caught.value) == (
         "3+0, casual gives each side 3:00 for 40 moves, of which the table needs 2:44: 4.1 s a move for arm and link; "
         "choose a longer --clock"
     )
-    require_kept(Terms(180, 2, None, False), Pace(2.0, person=False, latency=0.1))
-    require_kept(Terms(None, 0, 1, False), Pace(60.0, person=True))
+    require_kept(Terms(180, 2, None, False), TablePace(2.0, person=False, latency=0.1))
+    require_kept(Terms(None, 0, 1, False), TablePace(60.0, person=True))
     with pytest.raises(UserError, match="for arm, hand and link"):
-        require_kept(Terms(300, 0, None, False), Pace(6.0, person=True))
+        require_kept(Terms(300, 0, None, False), TablePace(6.0, person=True))
 
 
 def test_a_table_without_an_arm_takes_no_time() -> None:
