@@ -99,7 +99,7 @@ def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace
         book = stack.enter_context(Book(policy, settings.rig.seed))
     resigns = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
     player = EnginePlayer(engine, _name(kept), book=book, policy=resigns)
-    return Players(player, player, ahead=pace is Pace.REAL)
+    return Players(player, player, ponders=pace is Pace.REAL)
 
 
 def start_clock(settings: Settings) -> ChessClock | None:
