@@ -47,9 +47,9 @@ _REFUSED: Final = {
     Word.KEEP: "this game cannot go on from what stands on the board: say 'fix' and the arm puts the pieces back",
     Word.PAUSE: "the clock that counts is not here, so it cannot be stopped: offer a draw, or play on",
 }
-TO_OPPONENT: Final = (Word.DRAW, Word.TAKE_BACK, Word.DECLINE, Word.RESIGN, Word.ABORT, Word.CLAIM)
+TO_OPPONENT: Final = (Word.DRAW, Word.TAKE_BACK, Word.DECLINE, Word.RESIGN, Word.ABORT, Word.CLAIM, Word.QUIT)
 """What is said to the opponent, whoever's turn it is."""
-_SAID: Final = (*TO_OPPONENT, Word.FIX, Word.QUIT)
+_SAID: Final = (*TO_OPPONENT, Word.FIX)
 """What makes sense while they think."""
 
 
@@ -169,7 +169,7 @@ class RemoteTurn:
     def obey(self, word: Word) -> GameEnd | None:
         """A word that concerns the opponent, or leaving; how the game has ended, if it has."""
         answers: dict[Word, Callable[[], GameEnd | None]] = {
-            Word.QUIT: lambda: LEFT,
+            Word.QUIT: self._quit,
             Word.RESIGN: self.resign,
             Word.ABORT: lambda: self._ask(self._opponent.abort),
             Word.CLAIM: lambda: self._ask(self._opponent.claim),
@@ -178,6 +178,10 @@ class RemoteTurn:
             Word.DECLINE: self._decline,
         }
         return answers[word]()
+
+    def _quit(self) -> GameEnd:
+        self._say(f"the game against {self._opponent.name} is not over, and its clock goes on")
+        return LEFT
 
     def _ask(self, what: Callable[[], None]) -> GameEnd | None:
         what()

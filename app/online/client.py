@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, Protocol
+from urllib.parse import urlsplit
 
 import berserk
 import requests
@@ -17,7 +18,7 @@ from berserk.session import Requestor
 
 from app import UserError
 from app.online.messages import Account, account_of, games_of, id_of
-from app.online.token import Token
+from app.online.token import LOOPBACK, Token
 
 CONNECTING: Final = 10.0
 """How long a connection may take [s, wall]."""
@@ -179,6 +180,7 @@ class LichessClient:
     def _new_requestor(self) -> Requestor[Any]:
         session = requests.Session()
         session.auth = _Bearer(self._token)
+        session.trust_env = urlsplit(self.server).hostname not in LOOPBACK  # no proxy on the way to this computer
         session.headers["User-Agent"] = f"touchmove, berserk {berserk.__version__}"
         return Requestor(session, self.server + "/", _JSON)
 

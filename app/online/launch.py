@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 from app import UserError
 from app.online.client import Cut, LichessClient, RequestRefused, Waiting
-from app.online.lobby import Lobby
+from app.online.lobby import Lobby, WaitingLines
 from app.online.messages import Account
 from app.online.terms import pace_of, require_kept, terms_of
 from app.online.token import read_token, require_server
@@ -55,9 +55,10 @@ def run_online(
         UserError: no token, no such account, terms that server or arm do not allow, or as ``run_remote_games``.
         EngineProblem: as ``run_remote_games``.
     """
+    said = WaitingLines(lines)
     with ExitStack() as stack:
-        lobby = stack.enter_context(_lobby(settings, ui, lines, settings.online.game, waiting))
-        return run_remote_games(settings, ui, lines, lobby, ahead)
+        lobby = stack.enter_context(_lobby(settings, ui, said, settings.online.game, waiting))
+        return run_remote_games(settings, ui, said, lobby, ahead)
 
 
 def resume_online(folder: Path, ui: UserInterface, lines: Lines, waiting: Waiting | None = None) -> SessionResult:
@@ -67,12 +68,15 @@ def resume_online(folder: Path, ui: UserInterface, lines: Lines, waiting: Waitin
     path, _, sets_up = last_round(folder)
     start = None if sets_up else next(iter(read_events(path / EVENTS_FILE)), None)
     game = start.site.rsplit("/", 1)[-1] if isinstance(start, StartEvent) else None
+    said = WaitingLines(lines)
     with ExitStack() as stack:
-        lobby = stack.enter_context(_lobby(settings, ui, lines, game, waiting))
-        return resume_remote_games(folder, ui, lines, lobby)
+        lobby = stack.enter_context(_lobby(settings, ui, said, game, waiting))
+        return resume_remote_games(folder, ui, said, lobby)
 
 
-def _lobby(settings: Settings, ui: UserInterface, lines: Lines, going_on: str | None, waiting: Waiting | None) -> Lobby:
+def _lobby(
+    settings: Settings, ui: UserInterface, lines: WaitingLines, going_on: str | None, waiting: Waiting | None
+) -> Lobby:
     online, terms = settings.online, terms_of(settings)
     require_kept(terms, pace_of(settings, 0.0))  # before anybody is asked anything
     client = client_of(settings, waiting)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Final, Self
 
@@ -39,6 +40,44 @@ _FIRST_LINE: Final = 5
 """So often a game's stream is opened until its first line has come."""
 
 
+class WaitingLines:
+    """``Lines`` of a person who waits for a game: what is meant for the game is kept until it begins."""
+
+    def __init__(self, lines: Lines) -> None:
+        self._lines = lines
+        self._kept = deque[str]()
+
+    @property
+    def accompanied(self) -> bool:
+        """See ``Lines.accompanied``."""
+        return self._lines.accompanied
+
+    def next(self, timeout: float) -> str | None:
+        """See ``Lines.next``."""
+        return self._kept.popleft() if self._kept else self._lines.next(timeout)
+
+    def forget(self, word: str) -> None:
+        """See ``Lines.forget``."""
+        self._kept = deque(line for line in self._kept if line.lower() != word)
+        self._lines.forget(word)
+
+    def quits(self) -> bool:
+        """Whether they say 'quit' before there is a game.
+
+        Raises:
+            PersonGone: nobody is there any more, and nothing is kept.
+        """
+        try:
+            line = self._lines.next(0.0)
+        except PersonGone:
+            if self._kept:
+                return False
+            raise
+        if line is not None and word_of(line) is not Word.QUIT:
+            self._kept.append(line)
+        return line is not None and word_of(line) is Word.QUIT
+
+
 class Lobby:
     """``OpponentSource`` of Lichess. A context manager: at its end nothing is asked, and no thread is left.
 
@@ -56,7 +95,7 @@ class Lobby:
 
     def __init__(
         self, client: LichessClient, account: Account, online: OnlineSection, terms: Terms, pace: TablePace,
-        ui: UserInterface, lines: Lines, games: int = 1, going_on: str | None = None,
+        ui: UserInterface, lines: WaitingLines, games: int = 1, going_on: str | None = None,
     ) -> None:  # fmt: skip
         self._client, self._account, self._online = client, account, online
         self._terms, self._pace, self._ui, self._lines = terms, pace, ui, lines
@@ -213,14 +252,11 @@ class Lobby:
 
     def _quits(self) -> bool:
         try:
-            line = self._lines.next(0.0)
+            return self._lines.quits()
         except PersonGone:
+            if self._kind == "board":
+                raise
             return False
-        if line is not None and word_of(line) is Word.QUIT:
-            return True
-        if line is not None:
-            self._ui.say("no game has begun yet: say 'quit' to leave")
-        return False
 
     def _answer(self, challenge: Challenge) -> None:
         reason = "later" if self._accepted is not None else self._suits(challenge)

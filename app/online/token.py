@@ -14,7 +14,8 @@ from app import UserError
 SERVICE: Final = "touchmove"
 """Under which the keyring keeps tokens; the user's name there is the server's host."""
 _TOKEN: Final = re.compile(r"[A-Za-z0-9_]{8,512}")
-_LOOPBACK: Final = ("127.0.0.1", "::1", "localhost")
+LOOPBACK: Final = ("127.0.0.1", "::1", "localhost")
+"""Hosts that are this computer."""
 
 
 class Token:
@@ -54,7 +55,7 @@ def require_server(server: str) -> str:
         bad = True
     if bad or parts.query or parts.fragment or parts.username:
         raise UserError(f"--server is '{server}': give an address such as https://lichess.org")
-    if parts.scheme == "http" and parts.hostname not in _LOOPBACK:
+    if parts.scheme == "http" and parts.hostname not in LOOPBACK:
         raise UserError(f"--server is '{server}': without https everybody on the way could read the token")
     return server.rstrip("/")
 
