@@ -61,9 +61,12 @@ class Temper:
     again: float = 0.0
     chat: float = 0.0
     from_ply: int = 12
+    always: bool = False
+    """Of requests as many may fail in a row as it comes."""
 
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
+        self._in_row = 0
         self.happened: dict[str, int] = {}
 
     def strikes(self, what: str) -> bool:
@@ -72,6 +75,15 @@ class Temper:
         if struck:
             self.happened[what] = self.happened.get(what, 0) + 1
         return struck
+
+    def trouble(self) -> str | None:
+        """What becomes of a request: never of three in a row, as nobody tries for ever."""
+        for what in ("limit", "broken", "lost") if self._in_row < 2 or self.always else ():
+            if self.strikes(what):
+                self._in_row += 1
+                return what if what != "lost" else self.random.choice(["lost before", "lost after"])
+        self._in_row = 0
+        return None
 
 
 @dataclass
@@ -425,15 +437,15 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
             if self.headers.get("Authorization") != f"Bearer {lichess.token}":
                 return self._answer(401, {"error": "No such token"})
             with lichess.lock:
-                if temper.strikes("limit"):
-                    lichess.limited_at.append(lichess.now())
-                    return self._answer(429, {"error": "Too many requests"})
-                if temper.strikes("broken"):
-                    return self._answer(502, {"error": "bad gateway"})
-                lost = temper.strikes("lost") and temper.random.choice(["before", "after"])
-            if lost == "before":
+                trouble = temper.trouble()
+            if trouble == "limit":
+                lichess.limited_at.append(lichess.now())
+                return self._answer(429, {"error": "Too many requests"})
+            if trouble == "broken":
+                return self._answer(502, {"error": "bad gateway"})
+            if trouble == "lost before":
                 return self._hang_up()
-            self._lost = lost == "after"
+            self._lost = trouble == "lost after"
             return self._route(path, body, parse_qs(parts.query))
 
         def _route(self, path: list[str], body: dict[str, str], query: dict[str, list[str]]) -> None:

@@ -198,7 +198,7 @@ def test_who_has_left_can_be_claimed_against_and_chat_is_shown_without_control_c
 def test_a_cut_link_is_told_of_when_it_lasts_and_when_it_is_back() -> None:
     with playing() as (lichess, game, opponent):
         opponent.stands(chess.Board())
-        lichess.temper.broken = 1.0
+        lichess.temper.broken, lichess.temper.always = 1.0, True
         lichess.cut(game)
         assert "is cut" in str(following(opponent, Notice))
         lichess.temper.broken = 0.0
