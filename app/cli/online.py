@@ -56,10 +56,14 @@ def online(
         typer.Option(min=0.0, help="Mean time of the arm for a ply [s], to tell which time controls it can keep."),
     ] = None,
     elo: Annotated[int | None, typer.Option(help="With --bot: strength; full strength if not given.")] = None,
-    movetime: options.MoveTime = None,
-    nodes: options.Nodes = None,
-    book: options.Book = None,
-    engine: options.EnginePath = None,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="With --bot: longest thought about a move [s], 3 if not given.")
+    ] = None,
+    nodes: Annotated[
+        int | None, typer.Option(min=1, help="With --bot: search this many nodes instead of thinking for a time.")
+    ] = None,
+    book: Annotated[Path | None, typer.Option(help="With --bot: opening book in Polyglot's format.")] = None,
+    engine: Annotated[str | None, typer.Option(help="With --bot: path of a UCI engine; Stockfish by default.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     processes: options.Processes = "together",

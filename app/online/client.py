@@ -181,6 +181,7 @@ class LichessClient:
         session = requests.Session()
         session.auth = _Bearer(self._token)
         session.trust_env = urlsplit(self.server).hostname not in LOOPBACK  # no proxy on the way to this computer
+        session.headers["Accept-Encoding"] = "identity"  # each line of a stream is there as soon as it was sent
         session.headers["User-Agent"] = f"touchmove, berserk {berserk.__version__}"
         return Requestor(session, self.server + "/", _JSON)
 
