@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import chess
@@ -19,6 +19,9 @@ from app.play.session import Round
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
+from app.terminal.interface import Together, UserInterface
+from app.terminal.shown import SessionShown
+from hardware.piece_set import Colour
 
 ENDLESS: Final = 1 << 30
 """Plies of a game that ends by nothing else than its rules and its players."""
@@ -34,6 +37,24 @@ class OpponentSource(Protocol):
         """Whether another game is wanted after one that has ended so."""
 
 
+class SeatedInterface(Together):
+    """A user interface that can be told late which colour the person has: only the opponent's game says so."""
+
+    def __init__(self, ui: UserInterface) -> None:
+        super().__init__(ui)
+        self._shown: SessionShown | None = None
+
+    def session(self, shown: SessionShown) -> None:
+        """See ``UserInterface.session``."""
+        self._shown = shown
+        super().session(shown)
+
+    def seat(self, person: Colour) -> None:
+        """The person has this colour."""
+        if self._shown is not None and self._shown.person is not person:
+            self.session(replace(self._shown, person=person))
+
+
 class RemoteSeries:
     """``Fixtures`` against opponents elsewhere.
 
@@ -42,19 +63,27 @@ class RemoteSeries:
         board: where all games begin.
         human: who plays here; None: an engine does.
         players: makes the engine that plays here, whichever colour it will have; nobody where a person plays.
+        seat: told the colour of the person who plays here, once it is known.
     """
 
     def __init__(
         self, source: OpponentSource, board: chess.Board, human: Human | None,
-        players: Callable[[ExitStack], Players],
+        players: Callable[[ExitStack], Players], seat: Callable[[Colour], None] = lambda _: None,
     ) -> None:  # fmt: skip
         self._source, self._board, self._human, self._players = source, board, human, players
+        self._seat = seat
 
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
         """See ``Fixtures``."""
         if last is not None and not self._source.again(last):
             return None
-        return Fixture(self._board.copy(), self._players, ENDLESS, self._human, opponent=self._source.find)
+        return Fixture(self._board.copy(), self._players, ENDLESS, self._human, opponent=self._find)
+
+    def _find(self) -> RemoteOpponent | None:
+        opponent = self._source.find()
+        if opponent is not None and self._human is not None:
+            self._seat(Colour.BLACK if opponent.colour else Colour.WHITE)
+        return opponent
 
 
 @dataclass(frozen=True, slots=True)

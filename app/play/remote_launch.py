@@ -28,7 +28,7 @@ from app.play.launch import (
 )
 from app.play.match import Match, Start, last_round, match_of
 from app.play.player_selection import engine_of_both
-from app.play.remote_games import ENDLESS, OpponentSource, RemoteSchedule, RemoteSeries
+from app.play.remote_games import ENDLESS, OpponentSource, RemoteSchedule, RemoteSeries, SeatedInterface
 from app.play.session import SessionResult, run_session
 from app.play.vision_setup import session_vision
 from app.players.person import Human, Lines
@@ -61,6 +61,7 @@ def run_remote_games(
     rig_setup = replace(rig_setup_of(settings.rig, settings.vision.calibration), ahead=ahead)
     settings = completed(settings, rig_setup)
     folder = settings.out or (ahead and ahead.folder) or new_folder(GAMES, utc_now())
+    ui = SeatedInterface(ui)
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui, start_fen(settings))
@@ -91,6 +92,7 @@ def resume_remote_games(folder: Path, ui: UserInterface, lines: Lines, source: O
         position = position.from_the_start()
     if not sets_up and is_over(history, ENDLESS):
         raise UserError(f"the game in {path} is over after {len(history.plies)} plies: start a new one")
+    ui = SeatedInterface(ui)
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui)
@@ -105,7 +107,7 @@ def resume_remote_games(folder: Path, ui: UserInterface, lines: Lines, source: O
 
 
 def _remote_match(
-    settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, lines: Lines, human: Human | None,
+    settings: Settings, rig_setup: RigSetup, folder: Path, ui: SeatedInterface, lines: Lines, human: Human | None,
     source: OpponentSource, stack: ExitStack,
 ) -> tuple[Match, chess.Board]:  # fmt: skip
     """Games against opponents elsewhere, and where they begin."""
@@ -116,7 +118,7 @@ def _remote_match(
             Players(None, None) if human is not None else engine_of_both(settings, stack, ui, rig_setup.pace)
         )
 
-    series = RemoteSeries(source, board, human, players)
+    series = RemoteSeries(source, board, human, players, ui.seat)
     table_setup = table_setup_of(settings, rig_setup, human, lines)
     match = Match(folder, series, table_setup, ui, settings.rig.seed, rig_setup.pace)
     return stack.enter_context(match), board

@@ -29,7 +29,8 @@ from app.players.remote import (
 from app.settings.files import settings_of
 from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
-from app.terminal.shown import ClockShown
+from app.terminal.shown import ClockShown, SessionShown
+from hardware.piece_set import Colour
 from tests.app.game.scripted_opponent import Script, ScriptedOpponent, Source, ends_when_asked, line_of
 
 CLOCK = OpponentClock(60.0, 60.0, running=chess.WHITE, at=0.0)
@@ -40,10 +41,14 @@ class Told(UserInterface):
     def __init__(self) -> None:
         self.said: list[str] = []
         self.phases: list[str] = []
+        self.persons: list[Colour | None] = []
         self.clocks: list[ClockShown | None] = []
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         self.said.append(sentence)
+
+    def session(self, shown: SessionShown) -> None:
+        self.persons.append(shown.person)
 
     def phase(self, text: str) -> None:
         self.phases.append(text)
@@ -165,6 +170,7 @@ def test_words_are_heard_while_they_think(tmp_path: Path) -> None:
     assert opponent.told == ["stands 0", "offer draw"]
     assert "no hints" in ui.said[0]
     assert ui.said[1].startswith("it is Ada's move")
+    assert ui.persons[-1] is Colour.BLACK, "the page is told where they sit"
     assert ui.said[2] == "there is nothing of yours to take back yet"
 
 
