@@ -34,10 +34,12 @@ class EngineMove:
 
 
 class Candidate(NamedTuple):
-    """One of the best moves of a position and its score."""
+    """One of the best moves of a position, its score, and how the engine thinks the game goes on, from that move on."""
 
     move: chess.Move
     score: chess.engine.PovScore
+    pv: tuple[chess.Move, ...] = ()
+    """Only legal moves; () where the engine named none."""
 
 
 def engine_move(played: chess.engine.PlayResult, wall: float, lost: float, troubles: tuple[str, ...]) -> EngineMove:

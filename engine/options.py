@@ -5,6 +5,7 @@ import difflib
 import chess.engine
 
 from engine.errors import EngineRefused
+from engine.levels import STRONGEST, WEAKEST
 from engine.settings import EngineSettings, OptionValue
 
 _BY_SETTING = {
@@ -26,7 +27,7 @@ def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Co
         wanted["Threads"] = _within(uci, "Threads", settings.threads)
     if "Hash" in uci.options:  # an engine without the option has a fixed table, or none
         wanted["Hash"] = _within(uci, "Hash", settings.hash_mb)
-    if settings.elo is not None:
+    if settings.elo is not None and not plays_below(settings, uci):
         wanted["UCI_Elo"] = _within(uci, "UCI_Elo", settings.elo)
         wanted["UCI_LimitStrength"] = True
     if settings.skill is not None:
@@ -34,6 +35,23 @@ def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Co
     for name, value in settings.options.items():
         wanted[name] = _checked(uci, name, value)
     return wanted
+
+
+def plays_below(settings: EngineSettings, uci: chess.engine.UciProtocol) -> bool:
+    """Whether a level is below the lowest Elo that the engine offers (or it offers none), so that ``levels`` makes it.
+
+    Raises ``EngineRefused`` where there is no such level.
+    """
+    elo, option = settings.elo, uci.options.get("UCI_Elo")
+    if elo is None or (option is not None and (option.min is None or elo >= option.min)):
+        return False
+    if not WEAKEST <= elo <= STRONGEST:
+        choices = f"{WEAKEST} to {STRONGEST}"
+        if option is not None and option.min is not None:
+            choices = f"{choices} or {option.min} to" if option.min > STRONGEST else f"{WEAKEST} to"
+            choices = f"{choices} {option.max}"
+        raise EngineRefused(f"Elo {elo} is outside what {_name(uci)} can play: choose {choices}, or leave it out")
+    return True
 
 
 def at_full_strength(uci: chess.engine.UciProtocol) -> Configuration:

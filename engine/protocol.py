@@ -95,6 +95,21 @@ class Uci(chess.engine.UciProtocol):
             task.cancel()
             self._pulses.clear()
 
+    async def exact_lines(
+        self, board: chess.Board, limit: chess.engine.Limit, lines: int
+    ) -> list[chess.engine.InfoDict]:
+        """Search a position from scratch; of each of its best lines the last score that is no bound.
+
+        A search that ends in the middle of an iteration often ends on a bound, which may lie pawns off.
+        """
+        search = await self.analysis(board, limit, multipv=lines, game=object(), info=TOLD)
+        exact = dict[int, chess.engine.InfoDict]()
+        async for info in search:
+            if "score" in info and info.get("pv") and not (info.get("lowerbound") or info.get("upperbound")):
+                exact[info.get("multipv", 1)] = info
+        await search.wait()
+        return [exact[rank] for rank in sorted(exact)] or search.multipv
+
     async def begin_ponder(self, board: chess.Board, limit: chess.engine.Limit, game: object) -> None:
         """Search a position that is expected; the next question of any kind ends it, ``hit`` makes it count."""
         name = "UCI_AnalyseMode"

@@ -34,7 +34,9 @@ class EngineSettings(BaseModel):
     path: str | None = None
     """The binary; None looks for ``stockfish`` on PATH, then where Debian puts it."""
     elo: PositiveInt | None = None
-    """Playing strength by UCI_LimitStrength, within the engine's own limits; None is full strength."""
+    """Playing strength by UCI_LimitStrength, below the engine's own limits by ``levels``; None is full strength."""
+    seed: NonNegativeInt = 0
+    """Of a level below the engine's own: draws its moves."""
     skill: NonNegativeInt | None = None
     """Playing strength by the option Skill Level, within the engine's own limits; None is full strength."""
     threads: PositiveInt = THREADS

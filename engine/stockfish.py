@@ -8,16 +8,16 @@ go on.
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, Self, TypeVar
 
 import chess
 import chess.engine
 
-from engine import budget
+from engine import budget, levels
 from engine.answers import Candidate, EngineMove, engine_move, searched_alone
 from engine.errors import EngineFailed, EngineMissing, EngineRefused, Hung, Misbehaved
-from engine.options import at_full_strength, configuration
+from engine.options import at_full_strength, configuration, plays_below
 from engine.process import UciProcess
 from engine.protocol import PULSE_DEADLINE, TOLD, Uci
 from engine.settings import EngineSettings
@@ -95,6 +95,12 @@ class Engine:
         return process.pid if process else None
 
     @property
+    def name(self) -> str:
+        """As the engine calls itself, such as Stockfish 15.1; known once it is open."""
+        process = self._supervised.process
+        return "" if process is None else process.uci.id.get("name", "")
+
+    @property
     def ranks(self) -> bool:
         """Whether it names several moves of one search (MultiPV); known once it is open."""
         process = self._supervised.process
@@ -120,6 +126,8 @@ class Engine:
 
         def ask(process: UciProcess) -> tuple[chess.engine.PlayResult, float]:
             lost = time.monotonic() - began
+            if plays_below(self.settings, process.uci):
+                return self._play_below(process, board), lost
             return self._play(process, board, budget.less(limit, board.turn, lost)), lost
 
         (played, lost), troubles = self._supervised.ask("choosing a move", ask)
@@ -140,7 +148,7 @@ class Engine:
         said, ahead = budget.told(limit, board.turn), board.copy()
         try:
             process = self._supervised.running()
-            if "Ponder" not in process.uci.options:
+            if "Ponder" not in process.uci.options or plays_below(self.settings, process.uci):
                 return False
             self._settle(process)
             process.call(lambda uci: uci.begin_ponder(ahead, said, self._game), self._patience)
@@ -175,31 +183,64 @@ class Engine:
         """The best moves of a position, at most ``lines``, best first, from a cleared engine: on one thread they depend
         on it alone.
 
-        ``nodes`` positions are searched for all of them together; an engine without MultiPV searches each move alone.
-        Raises ``EngineRefused`` if the game is over, or the engine is not open and ``EngineFailed`` as for ``choose``.
+        ``nodes`` positions are searched for all of them together. Raises as ``analyse``.
         """
         limit = chess.engine.Limit(nodes=nodes)
         self._check_question(board, limit)
+        return self._supervised.ask(
+            "analysing a position", lambda process: self._ranked(process, board, lines, limit, exact=False)
+        )[0]
 
-        def ask(process: UciProcess) -> tuple[Candidate, ...]:
-            self._settle(process)
-            if lines > 1 and "MultiPV" not in process.uci.options:
-                return self._ranked_alone(process, board, lines, nodes)
-            infos = process.call(
-                lambda uci: uci.analyse(board, limit, multipv=lines, game=object()), self.settings.deadline
-            )
-            found: dict[chess.Move, chess.engine.PovScore] = {}
+    def analyse(self, board: chess.Board, lines: int, limit: chess.engine.Limit) -> tuple[Candidate, ...]:
+        """The best moves of a position, at most ``lines``, best first, with exact scores and lines; cleared before.
+
+        ``limit`` is for all of them together, by nodes or by time; an engine without MultiPV searches each move alone.
+        Raises ``EngineRefused`` if the game is over, nothing limits the search, or the engine is not open, and
+        ``EngineFailed`` as for ``choose``.
+        """
+        self._check_question(board, limit)
+        return self._supervised.ask(
+            "analysing a position", lambda process: self._ranked(process, board, lines, limit, exact=True)
+        )[0]
+
+    def _ranked(
+        self, process: UciProcess, board: chess.Board, lines: int, limit: chess.engine.Limit, *, exact: bool
+    ) -> tuple[Candidate, ...]:
+        """One attempt at the best moves: at least one."""
+        self._settle(process)
+        lines = min(lines, board.legal_moves.count())
+        offered = process.uci.options.get("MultiPV")
+        if lines > 1 and offered is None:
+            found = self._ranked_alone(process, board, lines, limit.nodes or levels.NODES)
+        else:
+            most = lines if offered is None or offered.max is None else min(lines, offered.max)
+            stop = budget.stop_after(limit, board.turn)
+
+            async def search(uci: Uci) -> Sequence[chess.engine.InfoDict]:
+                if exact:
+                    return await uci.watched(uci.exact_lines(board, limit, most), stop)
+                return await uci.watched(uci.analyse(board, limit, multipv=most, game=object()), stop)
+
+            infos = process.call(search, budget.give_up_after(limit, board.turn, self.settings.deadline))
+            ranked = dict[chess.Move, Candidate]()
             for info in infos:
-                if info.get("pv") and "score" in info:
-                    found.setdefault(info["pv"][0], info["score"])
-            return tuple(Candidate(move, score) for move, score in found.items())
+                if (pv := info.get("pv")) and "score" in info:
+                    ranked.setdefault(pv[0], Candidate(pv[0], info["score"], tuple(pv)))
+            found = tuple(ranked.values())
+        if not found:
+            raise Misbehaved(f"it named no move and score for {board.fen()}")
+        return found
 
-        def named(process: UciProcess) -> tuple[Candidate, ...]:
-            if not (found := ask(process)):
-                raise Misbehaved(f"it named no move and score for {board.fen()}")
-            return found
-
-        return self._supervised.ask("analysing a position", named)[0]
+    def _play_below(self, process: UciProcess, board: chess.Board) -> chess.engine.PlayResult:
+        """One attempt at a move below the engine's own lowest Elo."""
+        assert self.settings.elo is not None, "it plays below a level"
+        found = self._ranked(process, board, levels.LINES, chess.engine.Limit(nodes=levels.NODES), exact=False)
+        drawn = levels.drawn_move(
+            found, levels.temperature_of(self.settings.elo), levels.draw_of(self.settings.seed, board)
+        )
+        if drawn.move not in board.legal_moves:
+            raise Misbehaved(f"it named {drawn.move}, which is not legal in {board.fen()}")
+        return chess.engine.PlayResult(drawn.move, None, {"score": drawn.score, "pv": list(drawn.pv)})
 
     def _ranked_alone(self, process: UciProcess, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
         game = object()

@@ -41,8 +41,9 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "measure", "page", "campaign", "online", "dataset", "play", "game", "execution", "guard",
-        "commissioning", "rig", "terminal", "settings", "report", "records", "motion", "players", "scene", "pieces",
+        "cli", "measure", "page", "campaign", "online", "dataset", "play", "practice", "game", "execution", "guard",
+        "commissioning", "rig", "terminal", "settings", "report", "analysis", "records",
+        "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),

@@ -15,14 +15,17 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from app import UserError
+from app.analysis.kept import kept_analysis
 from app.cli import app
 from app.measure.photographs.labels import load_labels
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.game_setup import rig_setup_of, start_board
-from app.play.recorded_games import recorded_games
 from app.players.given_line import parse_line
+from app.practice.puzzles import puzzles_of
+from app.practice.repertoire import load_repertoire
 from app.records import GameRecord, GameSetup, read_events, read_history, summarise
+from app.records.recorded_games import recorded_games
 from app.rig.rig_file import load_rig
 from app.rig.simulation.settings import load_randomisation
 from app.settings.calibration import load_calibration
@@ -80,6 +83,7 @@ CALIBRATION = json.dumps({
     "mean_error": 1e-4, "worst_error": 2e-4,
     "board": {"centre": [0.0, 0.0, -0.6], "yaw": 0.01, "tilt": 0.0, "by_depth": True, "by_corners": True},
 }).encode()  # fmt: skip
+PUZZLES = b"PuzzleId,FEN,Moves\n1,5rk1/1p3ppp/pq3b2/8/8/1P1Q1N2/P4PPP/3R2K1 w - - 2 27,d3d6 f8d8 d6d8 f6d8\n"
 PGN = (
     b'[Event "x"]\n[White "W"]\n[Variant "Chess960"]\n[SetUp "1"]\n[FEN "4k3/8/8/8/8/8/8/1RK5 w Q - 0 1"]\n\n'
     b'1. O-O-O {[%clk 0:01:00]} Kd7 (1... Ke7 2. Re1+) 2. Rd1+ $1 Ke6 1/2-1/2\n\n[Event "y"]\n\n1. e4 e5 *\n'
@@ -121,6 +125,9 @@ READERS: dict[str, tuple[str, bytes | None, Callable[[Path], object]]] = {
     "labels": ("labels.json", LABELS, lambda path: load_labels(path.parent)),
     "calibration": ("calibration.json", CALIBRATION, _calibration_of),
     "games": ("games.pgn", PGN, recorded_games),
+    "puzzles": ("puzzles.csv", PUZZLES, puzzles_of),
+    "repertoire": ("repertoire.pgn", PGN, load_repertoire),
+    "analysis": ("analysis.json", b'{"games": []}', lambda path: kept_analysis(path.parent, [])),
     "opening book": ("book.bin", bytes(range(16)) * 4, _book_of),
 }
 
@@ -207,6 +214,8 @@ def test_any_line_and_any_time_control_is_taken_or_refused(text: str) -> None:
 NUMBERS = ("nan", "inf", "-inf", "-1", "0", "1e308", "1e-308", "9" * 40, "1.5", "abc", "")
 NUMERIC: dict[str, tuple[str, ...]] = {
     "demo": ("plies", "games", "seed", "white-elo", "movetime", "nodes", "video-length", "linger", "square", "port"),
+    "analyse": ("nodes", "movetime", "lines"),
+    "puzzle": ("number", "games", "seed"),
     "play": ("elo", "movetime", "nodes", "seed"),
     "replay": ("game", "from-ply", "plies", "seed"),
     "setup": ("seed",),
@@ -223,9 +232,8 @@ def test_numbers_on_the_command_line_are_taken_or_refused(
     for number in NUMBERS:
         arguments = [
             command,
-            *(["games.pgn"] if command == "replay" else []),
-            "--rig",
-            "none.toml",
+            *(["games.pgn"] if command in {"replay", "analyse", "puzzle"} else []),
+            *([] if command == "analyse" else ["--rig", "none.toml"]),
             f"--{option}",
             number,
         ]

@@ -21,7 +21,8 @@ from app.cli.games import demo, play, replay, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
 from app.cli.online import online
 from app.cli.page import page
-from app.cli.records import film, report
+from app.cli.practice import puzzle
+from app.cli.records import analyse, film, report
 
 
 @contextmanager
@@ -58,9 +59,10 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "online": online, "demo": demo, "replay": replay, "setup": setup, "resume": resume,
-    "report": report, "film": film, "dataset": dataset, "page": page, "config": show_config, "controller": controller,
-    "world": world, "check": check, "commission": commission, "calibrate": calibrate, "identify": identify,
-    "link-test": link_test, "vision": vision, "figures": figures, "bench": bench,
+    "report": report, "film": film, "analyse": analyse, "puzzle": puzzle, "dataset": dataset, "page": page,
+    "config": show_config, "controller": controller, "world": world, "check": check, "commission": commission,
+    "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision, "figures": figures,
+    "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

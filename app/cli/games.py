@@ -37,6 +37,7 @@ def demo(
     ideal: options.Ideal = False,
     fen: options.Fen = None,
     chess960: options.Chess960 = False,
+    odds: options.Odds = None,
     moves: options.Moves = None,
     white_elo: options.WhiteElo = None,
     black_elo: options.BlackElo = None,
@@ -48,6 +49,7 @@ def demo(
     book: options.Book = None,
     white_book: options.WhiteBook = None,
     black_book: options.BlackBook = None,
+    syzygy: options.Syzygy = None,
     engine: options.EnginePath = None,
     white_engine: options.WhiteEngine = None,
     black_engine: options.BlackEngine = None,
@@ -73,13 +75,15 @@ def demo(
     """Two engines play a game that the arm executes."""
     page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config)
-    show_game("demo", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("demo", games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def play(
     context: typer.Context,
     color: Annotated[str | None, typer.Option(help="Your pieces: white (the default) or black.")] = None,
-    elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
+    elo: Annotated[
+        int | None, typer.Option(help="Strength of the robot in Elo, from 400; full strength if not given.")
+    ] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     processes: options.Processes = "together",
@@ -90,10 +94,18 @@ def play(
         str | None, typer.Option(help="With --from-board in a simulation: the position on the board.")
     ] = None,
     chess960: options.Chess960 = False,
+    odds: options.Odds = None,
+    coach: options.Coach = False,
+    repertoire: options.Repertoire = None,
+    two_people: Annotated[
+        bool,
+        typer.Option("--two-people", help="Both sides are played by hand: the robot is arbiter and keeps the clocks."),
+    ] = False,
     clock: options.Clock = None,
     movetime: options.MoveTime = None,
     nodes: options.Nodes = None,
     book: options.Book = None,
+    syzygy: options.Syzygy = None,
     engine: options.EnginePath = None,
     profile: options.Profile = None,
     seed: options.Seed = 1,
@@ -118,9 +130,12 @@ def play(
     if color is None:
         color = "black" if believed.black.player is PlayerKind.HUMAN else "white"
     other = "black" if color == "white" else "white"
-    also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
+    if two_people and elo is not None:
+        fail("--elo is the robot's strength, and with --two-people it does not play: leave one of them out")
+    robot = "human" if two_people else "engine"
+    also |= {f"{color}.player": "human", f"{other}.player": robot, f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    show_game("play", _games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
+    show_game("play", games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 
 def replay(
@@ -149,7 +164,7 @@ def replay(
     """The arm plays recorded games again and checks the board after every ply."""
     page_ahead = page_of_command(context)
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    show_game("replay", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("replay", games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def setup(
@@ -182,7 +197,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    show_game("setup", _games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
+    show_game("setup", games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def resume(
@@ -231,7 +246,7 @@ def show_config(
     print(as_toml(options.settings_or_end({}, file)), end="")
 
 
-def _games_of(context: typer.Context, settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
+def games_of(context: typer.Context, settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
     """Plays as the settings say; what plays is loaded only then, since the page and the rig's processes load, too."""
     from app.rig.simulation.ahead import RigAhead
 

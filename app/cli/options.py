@@ -87,11 +87,25 @@ Games = Annotated[int, typer.Option(min=1, help="Number of games; the arm sets u
 ReplayGame = Annotated[int | None, typer.Option(min=1, help="Play only this game of the file.")]
 FromPly = Annotated[int, typer.Option(min=1, help="Begin with this ply.")]
 
+Odds = Annotated[
+    str | None,
+    typer.Option(
+        help="The robot, or White where two engines play, begins without a piece: pawn, knight, bishop, rook or queen."
+    ),
+]
+Coach = Annotated[
+    bool, typer.Option("--coach", help="At a blunder of yours, offer to take it back, and say why in one sentence.")
+]
+Repertoire = Annotated[
+    Path | None,
+    typer.Option(help="PGN file with variations: the robot plays by it, and says where you have left it."),
+]
+
 EnginePath = Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")]
 WhiteEngine = Annotated[str | None, typer.Option(help="Path of White's own UCI engine.")]
 BlackEngine = Annotated[str | None, typer.Option(help="Path of Black's own UCI engine.")]
-WhiteElo = Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")]
-BlackElo = Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")]
+WhiteElo = Annotated[int | None, typer.Option(help="Strength of White in Elo, from 400; full strength if not given.")]
+BlackElo = Annotated[int | None, typer.Option(help="Strength of Black in Elo, from 400; full strength if not given.")]
 MoveTime = Annotated[
     float | None,
     typer.Option(min=0.001, help="Thinking time per move [s], 0.2 without a clock; with a clock, the maximum."),
@@ -103,6 +117,10 @@ Nodes = Annotated[
 Book = Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")]
 WhiteBook = Annotated[Path | None, typer.Option(help="White's own opening book.")]
 BlackBook = Annotated[Path | None, typer.Option(help="Black's own opening book.")]
+Syzygy = Annotated[
+    Path | None,
+    typer.Option(help="Folder with Syzygy endgame tables: they end games of two engines, and give hints to people."),
+]
 Clock = Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")]
 WhiteClock = Annotated[str | None, typer.Option(help="White's own time control.")]
 BlackClock = Annotated[str | None, typer.Option(help="Black's own time control.")]

@@ -1,4 +1,4 @@
-"""What is made of a record, whenever it is wanted: the report, the film."""
+"""What is made of a record, whenever it is wanted: the report, the analysis, the film."""
 
 from __future__ import annotations
 
@@ -46,6 +46,45 @@ def _report_pages(folder: Path) -> tuple[Path, ...]:
     from app.report import write_report_pages  # loads OpenCV: not where only numbers are asked for
 
     return write_report_pages(folder)
+
+
+def analyse(
+    file: Annotated[Path, typer.Argument(help="PGN file with one or more games, or the folder of a recorded game.")],
+    nodes: Annotated[
+        int | None, typer.Option(min=1, help="Positions searched for each position of the game; 100000 by default.")
+    ] = None,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, max=3600.0, help="Time for each position instead [s].")
+    ] = None,
+    lines: Annotated[
+        int, typer.Option(min=1, max=10, help="Best lines of each position; more than one share its nodes or time.")
+    ] = 1,
+    engine: options.EnginePath = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files; by default where the game lies.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the analysis as JSON.")] = False,
+) -> None:
+    """An engine evaluates every move of a game, names mistakes and says why, as JSON and PGN."""
+    from app import UserError
+    from app.analysis.analyses import analyse_games
+    from app.analysis.evaluating import NODES, AnalysisSettings
+    from app.terminal.analysis_table import analysis_text
+    from engine.errors import EngineProblem
+
+    if nodes is not None and movetime is not None:
+        fail("--nodes and --movetime both limit the search: leave one of them out")
+    settings = AnalysisSettings(engine=engine, nodes=nodes or NODES, move_time=movetime, lines=lines)
+    try:
+        with interruptible():
+            found = analyse_games(file, settings, out, say)
+    except (UserError, EngineProblem) as error:
+        fail(str(error))
+    if as_json:
+        print(found.analyses.model_dump_json(indent=2))
+    else:
+        for game in found.analyses.games:
+            print(analysis_text(game))
+    for path in found.files:
+        print(path, file=sys.stderr if as_json else sys.stdout)
 
 
 def film(

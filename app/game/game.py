@@ -108,7 +108,10 @@ class Game:
         if outcome is not None and (done or not again):
             end = GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
             return end if self._remote is None else self._remote.confirmed(end)
-        return GameEnd(self._result or "*", f"{plies} plies played", True) if done else None
+        if done:
+            return GameEnd(self._result or "*", f"{plies} plies played", True)
+        known = None if self._remote is not None else self._players.adjudicated(board)
+        return None if known is None else GameEnd(known, "known from the endgame tables", True)
 
     def _turn(self) -> GameEnd | None:
         """One ply, or something else in its place."""

@@ -16,6 +16,7 @@ import chess
 from app import UserError
 from app.execution.state import KEPT, WRONG, Remark
 from app.execution.table import Table
+from app.game.advising import Advising
 from app.game.clock import side_name
 from app.game.complaints import Complaints
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
@@ -23,15 +24,7 @@ from app.game.questions import Interjected, TurnQuestions
 from app.game.remote_turn import TO_OPPONENT, RemoteTurn
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
-from app.players.commands import (
-    Command,
-    MoveHand,
-    NewGame,
-    PlayMove,
-    Word,
-    help_text,
-    parse_command,
-)
+from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
 from app.players.ending import GameEnd
 from app.players.person import Human, PersonGone
 from app.players.players import Players
@@ -64,6 +57,7 @@ class HumanTurn:
     ) -> None:  # fmt: skip
         self._human, self._table, self._players, self._ui = human, table, players, ui
         self._timing, self._questions, self._remote = timing, TurnQuestions(human, ui), remote
+        self._advising = Advising(human, table, timing, ui)
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
         self._notice = HandNotice(table.guard if human.hands is None else None)
@@ -74,7 +68,7 @@ class HumanTurn:
 
     def plays(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour now."""
-        return colour == self._colour
+        return self._human.both or colour == self._colour
 
     def moves_pieces(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour with hands of their own, and so whenever they please."""
@@ -82,6 +76,8 @@ class HumanTurn:
 
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
+        if self._human.both:
+            self._colour = self._table.board.turn
         try:
             return self._take()
         finally:
@@ -223,6 +219,9 @@ class HumanTurn:
         self._ui.say("the arm may move again" if stopped else "nothing is paused: it is your move")
 
     def _change_sides(self) -> None:
+        if self._human.both:
+            self._ui.say("two people play: change seats")
+            return
         self._timing.pause()
         self._colour = not self._colour
         self._table.note_sides(self._colour)
@@ -233,9 +232,9 @@ class HumanTurn:
         board = self._table.board
         if board.can_claim_draw():
             return GameEnd("1/2-1/2", f"{side_name(self._colour)} claims a draw", True)
-        if self._players.accepts_draw(board, not self._colour):
+        if self._questions.agrees(board) if self._human.both else self._players.accepts_draw(board, not self._colour):
             return GameEnd("1/2-1/2", "draw agreed", True)
-        self._ui.say("I would like to play on")
+        self._ui.say("the game goes on" if self._human.both else "I would like to play on")
         return None
 
     # moves
@@ -370,7 +369,7 @@ class HumanTurn:
         well = self._table.hand_ply(move, Remark(clocks=self._timing.left))
         if self._remote is not None:
             self._remote.stands()
-        return None if well else WRONG
+        return self._advising.after_move() if well else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
         if said is not None and said.promotion is not None:
@@ -380,13 +379,14 @@ class HumanTurn:
     # words
 
     def _take_back(self) -> GameEnd | None:
-        if len(self._table.board.move_stack) < 2:
+        plies = 1 if self._human.both else 2
+        if len(self._table.board.move_stack) < plies:
             self._ui.say("there is nothing of yours to take back yet")
             return None
         self._timing.pause()
         with self._timing.motion():
-            well = self._table.take_back(2)
-        self._timing.take_back(2)  # not before: it may be refused
+            well = self._table.take_back(plies)
+        self._timing.take_back(plies)  # not before: it may be refused
         return None if well else WRONG
 
     def _hint(self) -> None:

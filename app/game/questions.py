@@ -7,6 +7,7 @@ from typing import Final
 
 import chess
 
+from app.game.clock import side_name
 from app.game.person import ask
 from app.players.commands import Command, CommandError, parse_command
 from app.players.person import Human
@@ -36,6 +37,10 @@ class TurnQuestions:
     def yes(self, question: str, board: chess.Board, squares: Sequence[str]) -> bool:
         """Whether it is so; the squares are lit."""
         return self.answer(f"{question} (yes or no)", ("yes", "no", "y", "n"), board, squares).startswith("y")
+
+    def agrees(self, board: chess.Board) -> bool:
+        """Whether the other one of two people takes the draw that the side to move offers."""
+        return self.yes(f"{side_name(board.turn)} offers a draw: does {side_name(not board.turn)} agree?", board, ())
 
     def answer(self, question: str, valid: tuple[str, ...], board: chess.Board, squares: Sequence[str] = ()) -> str:
         """One of these words; any other command on this board is done instead of what the question was about."""

@@ -21,7 +21,7 @@ from app.records import EVENTS_FILE
 from app.records.events import StartEvent, read_events
 from app.rig.simulation.ahead import RigAhead
 from app.settings.files import kept_settings
-from app.settings.tree import OnlineUse, PlayerKind, Settings
+from app.settings.tree import OnlineUse, PlayerKind, PracticeSection, Settings
 from app.terminal.interface import UserInterface
 
 _T = TypeVar("_T")
@@ -36,7 +36,8 @@ def online_settings(settings: Settings) -> Settings:
     online = settings.online
     if online.token_file is not None:
         online = online.model_copy(update={"token_file": online.token_file.absolute()})
-    return settings.model_copy(update={"white": white, "black": black, "online": online})
+    practice = PracticeSection()  # nobody is taught in a game against somebody else
+    return settings.model_copy(update={"white": white, "black": black, "online": online, "practice": practice})
 
 
 def run_online(

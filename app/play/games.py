@@ -16,11 +16,13 @@ from app.pieces.layout import start_layout
 from app.play.game_setup import RigSetup, start_board
 from app.play.match import Fixture
 from app.play.player_selection import engine_players, line_players, start_clock
-from app.play.recorded_games import RecordedGame, recorded_games
 from app.players.commands import NewGame, Word
 from app.players.given_line import parse_line
 from app.players.person import Human, PersonGone
 from app.players.players import Players
+from app.practice.odds import at_odds
+from app.practice.puzzles import Puzzle, PuzzleAdviser, puzzles_from
+from app.records.recorded_games import RecordedGame, recorded_games
 from app.settings.files import keep_settings
 from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface
@@ -55,7 +57,9 @@ class GameSeries:
             self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
             for cut in [one.cut for one in found if one.cut is not None]:
                 ui.say(cut)
-        self._board = start_board(game.fen, chess960=game.chess960)
+        puzzles = settings.practice.puzzles
+        self._puzzles = () if puzzles is None else puzzles_from(puzzles, settings.practice.puzzle, game.games)
+        self._board = first_board(settings)
         self._line = None if game.moves is None else parse_line(game.moves, self._board)
 
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
@@ -64,6 +68,9 @@ class GameSeries:
         if last is not None and last.wish is not None:
             self._grant(last.wish)
         plies = self._settings.game.plies
+        if self._puzzles:
+            more = number <= len(self._puzzles) and last is not LEFT
+            return _puzzle(self._puzzles[number - 1], self.human) if more else None
         if self._replayed:
             if number > len(self._replayed):
                 return None
@@ -110,7 +117,7 @@ class GameSeries:
             EngineProblem: no engine plays like that.
         """
         settings = wished(self._settings, wish)
-        board = start_board(settings.game.fen, chess960=settings.game.chess960)
+        board = first_board(settings)
         start_layout(board, self._rig_setup.table)
         start_clock(settings)
         with ExitStack() as stack:
@@ -118,7 +125,8 @@ class GameSeries:
 
     def _grant(self, wish: NewGame) -> None:
         self._settings = settings = wished(self._settings, wish)
-        self._board, self._line = start_board(settings.game.fen, chess960=settings.game.chess960), None
+        self._puzzles = ()
+        self._board, self._line = first_board(settings), None
         if self.human is not None and wish.person is not None:
             self.human = replace(self.human, colour=wish.person)
         keep_settings(self._folder, settings)
@@ -139,6 +147,24 @@ class GameSeries:
             )
 
         return make
+
+
+def first_board(settings: Settings) -> chess.Board:
+    """The position that a game begins with, a piece left out where odds are given.
+
+    Raises:
+        UserError: it is no legal position, or odds are not given from it.
+    """
+    game = settings.game
+    giver = settings.white.player is not PlayerKind.HUMAN  # the robot; of two engines, White
+    return at_odds(start_board(game.fen, chess960=game.chess960), settings.practice.odds, giver)
+
+
+def _puzzle(puzzle: Puzzle, human: Human | None) -> Fixture:
+    """The opponent follows the solution; the person is told whether they do."""
+    solver = None if human is None else replace(human, colour=puzzle.person, adviser=PuzzleAdviser(puzzle))
+    players = _follow(puzzle.board, puzzle.line, (puzzle.name, puzzle.name))
+    return Fixture(puzzle.board.copy(), players, len(puzzle.line), solver)
 
 
 def wished(settings: Settings, wish: NewGame) -> Settings:

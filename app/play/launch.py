@@ -17,13 +17,16 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
 from app.play.game_setup import Opener, RigSetup, rig_setup_of, start_board
-from app.play.games import GameSeries
+from app.play.games import GameSeries, first_board
 from app.play.match import Match, Start, last_round, match_of
 from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
 from app.play.vision_setup import believed_camera, believed_view, looks, session_vision
+from app.players.advice import Adviser, Advisers
 from app.players.person import Human, Lines
+from app.practice.coach import Coach
+from app.practice.repertoire import RepertoireAdviser, load_repertoire
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
 from app.records.files import GAMES, make_folder
@@ -243,6 +246,8 @@ def completed(settings: Settings, rig_setup: RigSetup) -> Settings:
         "game.replay": settings.game.replay, "vision.calibration": settings.vision.calibration,
         "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
         "white.book": settings.white.book, "black.book": settings.black.book, "page.password": settings.page.password,
+        "practice.repertoire": settings.practice.repertoire, "practice.puzzles": settings.practice.puzzles,
+        "engine.syzygy": settings.engine.syzygy,
     }  # fmt: skip
     settings = settings.with_changes({name: path.absolute() for name, path in paths.items() if path is not None})
     engines = {
@@ -259,10 +264,8 @@ def completed(settings: Settings, rig_setup: RigSetup) -> Settings:
 
 
 def person_side(settings: Settings) -> Colour | None:
-    """The side that a person plays."""
+    """The side that a person plays; of two people that of the hand which moves all pieces."""
     humans = [colour for colour in Colour if settings.side(colour is Colour.WHITE).player is PlayerKind.HUMAN]
-    if len(humans) > 1:
-        raise UserError("two people need no robot: let an engine play one side")
     return humans[0] if humans else None
 
 
@@ -283,7 +286,23 @@ def human_of(
     if rig_setup.own:
         hands = SimHands(rig_setup.run_dir(folder))
         stack.callback(hands.close)
-    return Human(colour is Colour.WHITE, lines, hands)
+    return Human(colour is Colour.WHITE, lines, hands, adviser=_adviser(settings, stack), both=settings.two_people)
+
+
+def _adviser(settings: Settings, stack: ExitStack) -> Adviser | None:
+    """Who says something of the person's moves.
+
+    Raises:
+        UserError: the repertoire cannot be read.
+        EngineProblem: a coach needs an engine, and there is none.
+    """
+    practice = settings.practice
+    advisers = list[Adviser]()
+    if practice.repertoire is not None:
+        advisers.append(RepertoireAdviser(load_repertoire(practice.repertoire)))
+    if practice.coach:
+        advisers.append(stack.enter_context(Coach(settings.engine.path)))
+    return Advisers(advisers) if advisers else None
 
 
 def opening_rig(
@@ -323,7 +342,8 @@ def show_session(
 def start_fen(settings: Settings) -> str | None:
     """What the first game begins from, where the settings say it."""
     game = settings.game
-    return None if game.replay is not None else start_board(game.fen, chess960=game.chess960).fen()
+    unknown = game.replay is not None or settings.practice.puzzles is not None
+    return None if unknown else first_board(settings).fen()
 
 
 def filming_of(rig_setup: RigSetup, folder: Path) -> Filming | None:

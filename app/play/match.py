@@ -197,7 +197,8 @@ class Match:
         if self._opponent is None:
             return False
         if (human := self._fixture.human) is not None:
-            human = replace(human, colour=not self._opponent.colour, refusal=refusal)
+            colour = not self._opponent.colour
+            human = replace(human, colour=colour, refusal=refusal, adviser=None, both=False)  # nobody helps
             self._fixture = replace(self._fixture, human=human)
         return True
 
@@ -259,7 +260,9 @@ class Match:
         assert self._fixture is not None
         human, clock, opponent = self._fixture.human, self._fixture.clock, self._opponent
         names = {
-            colour: PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            colour: PERSON
+            if human is not None and (human.both or human.colour is colour)
+            else self._chosen.name(colour)
             for colour in chess.COLORS
         }
         control, site = None if clock is None else clock.white.pgn, "?"

@@ -12,6 +12,8 @@ import chess
 from app import UserError
 from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
+from app.players.tablebase import Tablebase
+from app.practice.repertoire import RepertoirePlayer, load_repertoire
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface
@@ -62,26 +64,35 @@ def engine_players(
         UserError: the settings contradict each other.
         EngineProblem: an engine is missing or refuses its settings.
     """
+    if settings.two_people:
+        return Players(None, None)
     sides = [settings.side(colour) for colour in chess.COLORS]
     if settings.engine.nodes is not None and any(side.elo is not None or side.skill is not None for side in sides):
         raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
     ui.phase("starting Stockfish")
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
-    chosen = human or books or settings.game.fen is not None
+    chosen = human or books or settings.game.fen is not None or settings.practice.odds is not None
+    repertoire = None if settings.practice.repertoire is None else load_repertoire(settings.practice.repertoire)
     opening = () if chosen else _opening(settings, board, seed, ui)
+    tables = None
+    if settings.engine.syzygy is not None:
+        tables = stack.enter_context(Tablebase(settings.engine.syzygy))
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:
-        kept = _engine_settings(settings, colour, human=human)
+        kept = _engine_settings(settings, colour, seed, human=human)
         engine = stack.enter_context(Engine(kept))
         found = _book_of(settings, colour)
         book = None
         if found is not None:
             book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
         policy = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
-        player = EnginePlayer(engine, _name(kept), book=book, policy=policy)
+        player: Player = EnginePlayer(engine, _name(kept), book=book, policy=policy, tablebase=tables)
+        if repertoire is not None:
+            player = RepertoirePlayer(repertoire, seed, player)
         players[colour] = LinePlayer(board, opening, player)
-    return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL)
+    ended = None if human or tables is None else tables
+    return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL, tablebase=ended)
 
 
 def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace: Pace) -> Players:
@@ -89,16 +100,18 @@ def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace
     that counts there; arguments and errors as of ``engine_players``.
     """
     ui.phase("starting Stockfish")
-    kept = _engine_settings(settings, chess.WHITE, human=True)
+    seed, tables = settings.rig.seed, None
+    kept = _engine_settings(settings, chess.WHITE, seed, human=True)
     if settings.engine.move_time is None and settings.engine.nodes is None:
         kept = kept.model_copy(update={"move_time": LONGEST_THOUGHT, "ponder": settings.engine.ponder is not False})
     engine = stack.enter_context(Engine(kept))
     book = None
     if (found := _book_of(settings, chess.WHITE)) is not None:
-        policy = BookSettings(path=found, max_plies=settings.engine.book_plies)
-        book = stack.enter_context(Book(policy, settings.rig.seed))
+        book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
+    if settings.engine.syzygy is not None:
+        tables = stack.enter_context(Tablebase(settings.engine.syzygy))
     resigns = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
-    player = EnginePlayer(engine, _name(kept), book=book, policy=resigns)
+    player = EnginePlayer(engine, _name(kept), book=book, policy=resigns, tablebase=tables)
     return Players(player, player, ponders=pace is Pace.REAL)
 
 
@@ -127,7 +140,7 @@ def _book_of(settings: Settings, colour: chess.Color) -> Path | None:
     return settings.side(colour).book or settings.engine.book
 
 
-def _engine_settings(settings: Settings, colour: chess.Color, *, human: bool) -> EngineSettings:
+def _engine_settings(settings: Settings, colour: chess.Color, seed: int, *, human: bool) -> EngineSettings:
     engine, side = settings.engine, settings.side(colour)
     timed = settings.clock.time is not None or side.time is not None
     move_time = engine.move_time
@@ -137,7 +150,7 @@ def _engine_settings(settings: Settings, colour: chess.Color, *, human: bool) ->
     return EngineSettings(
         path=side.path or engine.path, elo=side.elo, skill=side.skill, threads=engine.threads, hash_mb=engine.hash_mb,
         options=engine.options, move_time=None if engine.nodes is not None else move_time, nodes=engine.nodes,
-        ponder=ponder,
+        ponder=ponder, seed=2 * seed + colour,
     )  # fmt: skip
 
 

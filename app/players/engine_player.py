@@ -9,6 +9,7 @@ import chess
 import chess.engine
 
 from app.players.decision import Decision
+from app.players.tablebase import Tablebase
 from engine.book import Book
 from engine.policy import DrawResignPolicy
 from engine.stockfish import Engine, EngineMove
@@ -21,11 +22,12 @@ class EnginePlayer:
     """A UCI engine, with a book of openings and a policy on draws and resigning."""
 
     def __init__(
-        self, engine: Engine, name: str, *, book: Book | None = None, policy: DrawResignPolicy | None = None
-    ) -> None:
+        self, engine: Engine, name: str, *, book: Book | None = None, policy: DrawResignPolicy | None = None,
+        tablebase: Tablebase | None = None,
+    ) -> None:  # fmt: skip
         self._engine = engine
         self._name = name
-        self._book = book
+        self._book, self._tablebase = book, tablebase
         self._policy = policy or DrawResignPolicy()
         self._scores = dict[int, chess.engine.PovScore]()
         self._expected: tuple[str, chess.Move] | None = None
@@ -70,11 +72,14 @@ class EnginePlayer:
         self._engine.move_now()
 
     def hint(self, board: chess.Board) -> Decision:
-        """What the engine would play at full strength.
+        """What the endgame tables say, else what the engine would play at full strength.
 
         Raises:
             EngineProblem: as ``Engine.hint``.
+            TablebaseError: a table is damaged.
         """
+        if self._tablebase is not None and (move := self._tablebase.best(board)) is not None:
+            return Decision(move)
         return _decision(self._engine.hint(board))
 
     def accepts_draw(self, board: chess.Board) -> bool:

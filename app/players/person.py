@@ -10,6 +10,7 @@ import chess
 
 from app import UserError
 from app.pieces.inventory import Inventory, Ply
+from app.players.advice import Adviser
 from app.players.commands import MoveHand, NewGame
 
 
@@ -63,6 +64,8 @@ class Human:
         colour: that they play at the start.
         lines: what they type.
         hands: theirs, in a simulated world; None: they move pieces by themselves, or there are no pieces to move.
+        adviser: says something of each of their moves; None: nobody does.
+        both: two people share the board: both sides are played by hand.
         require: raises a UserError or an EngineProblem where there cannot be such a game as they wish for.
         refusal: why what they have said cannot be had in this game, a sentence; None: it can.
     """
@@ -71,4 +74,6 @@ class Human:
     lines: Lines
     hands: Hands | None
     require: Callable[[NewGame], None] = lambda _: None
+    adviser: Adviser | None = None
+    both: bool = False
     refusal: Callable[[str], str | None] = lambda _: None

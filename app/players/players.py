@@ -10,6 +10,7 @@ import chess.engine
 
 from app.players.decision import Decision, Player, Thinker
 from app.players.engine_player import EnginePlayer
+from app.players.tablebase import Tablebase, TableResult
 from engine.errors import EngineRefused
 from engine.stockfish import same_position
 
@@ -71,10 +72,13 @@ class Players:
         black: the same.
         ponders: whether anybody thinks in the other side's time of a clock. In pace fast plant time waits for no clock,
             and a thought that may not count would only slow the simulation down.
+        tablebase: ends the game where it knows the result; None: it is played out.
     """
 
-    def __init__(self, white: Player | None, black: Player | None, *, ponders: bool = True) -> None:
-        self._ponders = ponders
+    def __init__(
+        self, white: Player | None, black: Player | None, *, ponders: bool = True, tablebase: Tablebase | None = None
+    ) -> None:
+        self._ponders, self._tablebase = ponders, tablebase
         self._players = {chess.WHITE: white, chess.BLACK: black}
         pool = ThreadPoolExecutor(1, "thinking")
         other = pool if white is black else ThreadPoolExecutor(1, "thinking")
@@ -88,6 +92,14 @@ class Players:
     def __exit__(self, *_: object) -> None:
         for pool in self._pools.values():
             pool.shutdown(wait=False, cancel_futures=True)
+
+    def adjudicated(self, board: chess.Board) -> TableResult | None:
+        """How the game ends by the endgame tables; None: it goes on.
+
+        Raises:
+            TablebaseError: a table is damaged.
+        """
+        return None if self._tablebase is None else self._tablebase.result(board)
 
     def name(self, colour: chess.Color) -> str:
         """Of the player of a colour, for the record."""

@@ -13,6 +13,7 @@ from app.records.events import RepairedBy, own_clock, unsaid
 from app.records.files import write_atomically
 from app.records.frames import frame_file
 from app.records.rounds import match_folder, rounds_of
+from app.report.analysis import analysis_of_game
 from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, DataTable, folded, ply_name, seconds
 from app.report.markup import Html, joined, tag
 from app.report.parts import document, figure, scrolling, section
@@ -52,9 +53,10 @@ def report_page(source: ReportSource) -> str:
     """The whole page of one record."""
     start = source.start
     title = f"{start.white} – {start.black}"
-    happened = incidents(source)
+    happened, analysed = incidents(source), analysis_of_game(source)
     sections = [
         section("trouble", "What went wrong, and how it ended", _story(source, happened)),
+        *([] if analysed is None else [section("analysis", "What the engine thinks of it", analysed)]),
         section("charts", "The game in figures", _charts(source)),
         section("vision", "What the camera reported", _vision(source)),
         section("moves", "Moves", _moves(source)),

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from app.analysis.kept import kept_analysis
+from app.analysis.model import GameAnalysis
 from app.records import (
     EVENTS_FILE,
     ROBOT_FILE,
@@ -76,6 +78,8 @@ class ReportSource:
     """What the telemetry says."""
     rounds: tuple[Path, ...]
     """Folders of all rounds of its match that have a record, in their order."""
+    analysis: GameAnalysis | None = None
+    """What an engine thinks of it; None: nobody has analysed it, or not this game."""
     said: tuple[str, ...] = field(default=())
     """What was left out of a file that was cut off."""
 
@@ -111,7 +115,8 @@ def read_source(folder: Path, told: Callable[[str], None] = unsaid) -> ReportSou
     return ReportSource(
         folder, events, start, plies, report, robot,
         None if robot is None else _limits_of(robot, folder),
-        _loop(match, events, plies), rounds_of(match), tuple(said),
+        _loop(match, events, plies), rounds_of(match),
+        kept_analysis(folder, [ply.uci for ply in plies]), tuple(said),
     )  # fmt: skip
 
 

@@ -87,6 +87,8 @@ svg .tick, svg .label { fill: var(--soft); } svg .limit-name { fill: var(--limit
 .k-quiet { fill: var(--quiet); } .k-capture { fill: var(--capture); }
 .k-castling { fill: var(--castling); } .k-en_passant { fill: var(--en-passant); }
 .k-promotion { fill: var(--promotion); }
+.j-inaccuracy { fill: var(--q3); stroke: var(--ink); } .j-mistake { fill: var(--q4); stroke: var(--ink); }
+.j-blunder { fill: var(--q5); stroke: var(--ink); }
 .line { fill: none; stroke-width: 1.8; stroke-linejoin: round; } .one { stroke: var(--one); }
 .two { stroke: var(--two); stroke-dasharray: 5 3; }
 .square.light { fill: var(--sq-light); } .square.dark { fill: var(--sq-dark); }

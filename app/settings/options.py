@@ -26,7 +26,8 @@ class Need:
 
 def _thinks(settings: Settings) -> bool:
     game = settings.game
-    return game.moves is None and game.replay is None and game.plies > 0
+    given = game.moves is not None or game.replay is not None or settings.practice.puzzles is not None
+    return not given and game.plies > 0
 
 
 _OWN: Final = Need("a simulation that this program starts (--rig sim)", lambda settings: settings.rig.name == SIMULATED)
@@ -39,6 +40,10 @@ _ENGINES: Final = Need("engines that choose the moves (without --moves)", _think
 _BY_TIME: Final = Need("engines that think by time (without --nodes)", lambda settings: settings.engine.nodes is None)
 _SHOWN: Final = Need("games that are shown in a browser (without --no-page)", lambda settings: settings.page.on)
 _GIVEN: Final = Need("a position that is given (without --from-board)", lambda settings: not settings.game.from_board)
+_USUAL: Final = Need(
+    "games from the usual start (without --fen or --from-board)",
+    lambda settings: settings.game.fen is None and not settings.game.from_board,
+)
 _STANDS: Final = Need(
     "a position that is set up, or that a simulation begins from (with --from-board)",
     lambda settings: settings.game.plies == 0 or (settings.game.from_board and settings.rig.name == SIMULATED),
@@ -94,10 +99,16 @@ _ALL: Final = (
     SettingOption("game.replay", "FILE"),
     SettingOption("game.replay_game", "--game"),
     SettingOption("game.from_ply", "--from-ply"),
+    SettingOption("practice.odds", "--odds", (_USUAL,)),
+    SettingOption("practice.coach", "--coach"),
+    SettingOption("practice.repertoire", "--repertoire", (_ENGINES,)),
+    SettingOption("practice.puzzles", "PUZZLES"),
+    SettingOption("practice.puzzle", "--number"),
     SettingOption("engine.path", "--engine", (_ENGINES,)),
     SettingOption("engine.move_time", "--movetime", (_ENGINES, _BY_TIME)),
     SettingOption("engine.nodes", "--nodes", (_ENGINES,)),
     SettingOption("engine.book", "--book", (_ENGINES,)),
+    SettingOption("engine.syzygy", "--syzygy", (_ENGINES,)),
     *(
         SettingOption(f"{side}.{field}", f"--{side}-{name}", (_ENGINES,))
         for side in ("white", "black")

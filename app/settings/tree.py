@@ -43,6 +43,16 @@ class PlayerKind(StrEnum):
     HUMAN = "human"
 
 
+class Odds(StrEnum):
+    """What the stronger side begins without."""
+
+    PAWN = "pawn"
+    KNIGHT = "knight"
+    BISHOP = "bishop"
+    ROOK = "rook"
+    QUEEN = "queen"
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -148,6 +158,21 @@ class GameSection(_Section):
     """Number of games; the arm sets up the pieces in between."""
 
 
+class PracticeSection(_Section):
+    """``[practice]``: learning at the board, in games against a person."""
+
+    odds: Odds | None = None
+    """The robot begins without a piece: pawn, knight, bishop, rook or queen; where two engines play, White does."""
+    coach: bool = False
+    """At a person's blunder offer to take it back, and say why."""
+    repertoire: Path | None = None
+    """PGN file with variations: the robot plays by it, and says where the person has left it."""
+    puzzles: Path | None = None
+    """Set up the puzzles of this CSV or PGN file one after the other, and play them out."""
+    puzzle: PositiveInt = 1
+    """Begin with this puzzle of the file, counted from 1."""
+
+
 class EngineSection(_Section):
     """``[engine]``: the UCI engines that play."""
 
@@ -169,6 +194,9 @@ class EngineSection(_Section):
     """Opening book in Polyglot's format; without one, the seed selects an opening for two engines."""
     book_plies: PositiveInt = 20
     """Number of plies at the start in which the book is used."""
+    syzygy: Path | None = None
+    """Folder with Syzygy endgame tables: games of two engines end where the tables know the result, and a person's
+    hints come from them."""
     resigns: bool = False
     """Whether the engine resigns a lost game. People like to see a game end on the board."""
 
@@ -179,7 +207,7 @@ class SideSection(_Section):
     player: PlayerKind = PlayerKind.ENGINE
     """engine or human."""
     elo: PositiveInt | None = None
-    """Strength of the engine; if left out, full strength."""
+    """Strength of the engine in Elo, from 400; if left out, full strength."""
     skill: NonNegativeInt | None = None
     """Strength of the engine by its Skill Level (Stockfish: 0 to 20), for play below its lowest Elo."""
     path: str | None = None
@@ -281,6 +309,7 @@ class Settings(_Section):
 
     rig: RigSection = RigSection()
     game: GameSection = GameSection()
+    practice: PracticeSection = PracticeSection()
     engine: EngineSection = EngineSection()
     white: SideSection = SideSection()
     black: SideSection = SideSection()
@@ -291,6 +320,11 @@ class Settings(_Section):
     page: PageSection = PageSection()
     out: Path | None = None
     """Folder of the record; if left out, games/<time>."""
+
+    @property
+    def two_people(self) -> bool:
+        """Whether both sides are played by hand."""
+        return self.white.player is PlayerKind.HUMAN and self.black.player is PlayerKind.HUMAN
 
     def side(self, white: bool) -> SideSection:
         """Of a colour, as python-chess has it (True is white)."""

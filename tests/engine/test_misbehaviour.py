@@ -175,7 +175,10 @@ def test_a_named_binary_that_is_not_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"elo": 1399}, "UCI_Elo = 1399 is outside what Fake 1.0 offers: choose 1400 to 2000, or leave it out"),
+        (
+            {"elo": 399},
+            "Elo 399 is outside what Fake 1.0 can play: choose 400 to 2000, or leave it out",
+        ),
         ({"elo": 2001}, "UCI_Elo = 2001 is outside what Fake 1.0 offers: choose 1400 to 2000, or leave it out"),
         ({"threads": 5}, "Threads = 5 is outside what Fake 1.0 offers: choose 1 to 4, or leave it out"),
         ({"hash_mb": 2048}, "Hash = 2048 is outside what Fake 1.0 offers: choose 1 to 1024, or leave it out"),
@@ -197,8 +200,11 @@ def test_a_bare_engine_plays_but_not_at_an_elo_nor_on_two_threads(fake: Callable
     engine_file = fake(on_uci='say("uciok")')
     with Engine(settings_for(engine_file.path)) as engine:
         assert engine.choose(chess.Board()).move == E2E4
-    for changes, name in (({"elo": 1500}, "UCI_Elo, so that 1500"), ({"threads": 2}, "Threads, so that 2")):
-        with pytest.raises(EngineRefused, match=f"^this engine does not offer {name} cannot be set: leave it out$"):
+    for changes, sentence in (
+        ({"elo": 1501}, "Elo 1501 is outside what this engine can play: choose 400 to 1500, or leave it out"),
+        ({"threads": 2}, "this engine does not offer Threads, so that 2 cannot be set: leave it out"),
+    ):
+        with pytest.raises(EngineRefused, match=f"^{sentence}"):
             Engine(settings_for(engine_file.path, **changes)).open()
 
 

@@ -10,6 +10,7 @@ import chess.engine
 import pytest
 
 from engine.errors import EngineRefused
+from engine.levels import WEAKEST
 from engine.stockfish import Engine, EngineMove, EngineSettings
 
 PLIES = 24
@@ -67,10 +68,14 @@ def test_elo_is_refused_outside_stockfishs_own_limits(stockfish: str) -> None:
         option, name = plain.options["UCI_Elo"], plain.id["name"]
     assert option.min is not None
     assert option.max is not None
-    for elo in (option.min - 1, option.max + 1):
-        sentence = (
-            f"UCI_Elo = {elo} is outside what {name} offers: choose {option.min} to {option.max}, or leave it out"
-        )
+    for elo, sentence in (
+        (WEAKEST - 1, f"Elo 399 is outside what {name} can play: choose 400 to {option.max}, or leave it out"),
+        (
+            option.max + 1,
+            f"UCI_Elo = {option.max + 1} is outside what {name} offers: choose {option.min} to {option.max}, or leave "
+            "it out",
+        ),
+    ):
         with pytest.raises(EngineRefused, match=f"^{re.escape(sentence)}$"):
             Engine(EngineSettings(path=stockfish, elo=elo, nodes=1)).open()
     for elo in (option.min, option.max):

@@ -263,12 +263,17 @@ class Fit:
         Half way between what stands and what lies; false where there is no depth, or too little of the piece.
         """
         low = np.zeros(len(self.stands), dtype=bool)
-        if self.rises is None:
+        if self.rises is None or not self.stands:
             return low
+        within = (self.owner > 0) & (self.rises > FLAT) & (self.rises < _HIGHEST)
+        # heights are far below 1 m: sorted with their piece's number before the point, each piece's are together
+        heights = np.sort(self.owner[within] + self.rises[within].astype(float))
+        starts = np.searchsorted(heights, np.arange(1, len(self.stands) + 2))
         for index, kind in enumerate(self.kinds):
-            rises = self.rises[self.owner == index + 1]
-            rises = rises[(rises > FLAT) & (rises < _HIGHEST)]
-            shape = PIECE_SHAPES[kind]
-            if rises.size >= _ENOUGH:
-                low[index] = np.quantile(rises, _TOP) < 0.5 * (shape.height + 2.0 * shape.foot_radius)
+            first, count = starts[index], starts[index + 1] - starts[index]
+            if count >= _ENOUGH:
+                below, part = divmod(_TOP * (count - 1), 1.0)
+                lower, upper = heights[first + int(below)], heights[first + min(int(below) + 1, count - 1)]
+                shape, top = PIECE_SHAPES[kind], lower + part * (upper - lower) - (index + 1)
+                low[index] = top < 0.5 * (shape.height + 2.0 * shape.foot_radius)
         return low

@@ -60,6 +60,8 @@ _BEHIND: Final = 0.05
 """Of what colours say, where something else hides most of a piece."""
 _CONTRADICTED: Final = 30.0
 """Of what a person says is something else."""
+_UNDECIDED: Final = 0.4
+"""Less evidence for a side says nothing, see ``Sighting.white``: in the dark, or in light from the side."""
 SURE: Final = 2.9
 """What is believed is so much likelier than any other kind, as a logarithm: 18 times."""
 _IMPOSSIBLE: Final = 1e6
@@ -231,7 +233,7 @@ def refuted(
             return fault.place is not None and off < math.dist((one.x, one.y), fault.place)
         costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
         mine = one.white if piece.colour is Colour.WHITE else -one.white
-        return off <= _HOME and mine >= 0.0 and costs[piece.kind] - min(costs.values()) < SURE
+        return off <= _HOME and mine > -_UNDECIDED and costs[piece.kind] - min(costs.values()) < SURE
 
     pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
     return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import chess
 
-from app.page.recorded.openings import Opening, opening_of
+from app.analysis.openings import Opening, opening_of_game
 from app.pieces.inventory import Inventory, InventoryError, Stage, Transfer
 from app.pieces.manipulation import IllegalPly, NoSpare, transfers
 from app.records.events import AnyEvent, EndEvent, PlyEvent, SideEvent, StartEvent
@@ -182,13 +182,8 @@ class GameFold:
 
     def _opening(self) -> Opening | None:
         """Of the last position of the game that has a name."""
-        board = self.board.copy()
-        while True:
-            if (found := opening_of(board)) is not None:
-                return found
-            if not board.move_stack:
-                return None
-            board.pop()
+        found = opening_of_game(self.board)
+        return None if found is None else found[0]
 
     def _between_people(self) -> bool:
         """Nor is anybody helped in a game that is played at a server, which has a site."""

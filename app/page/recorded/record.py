@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+from app.analysis.kept import kept_analysis
 from app.page.recorded.catalogue import RecordPlace
 from app.page.recorded.follower import table_of
 from app.page.recorded.game_fold import GameFold, RecordContradicts, RoundShown
@@ -52,7 +53,10 @@ def record_shown(place: RecordPlace, events: Sequence[AnyEvent]) -> dict[str, An
                 "t": round(event.plant_time, _DIGITS), "kind": event.kind, "text": event.sentence,
                 "squares": event.squares, "mended_by": event.mended_by,
             })  # fmt: skip
+    plies = [ply.uci for ply in game.plies]
+    analysis = kept_analysis(place.folder, plies) if plies else None
     return {
+        "analysis": None if analysis is None else analysis.model_dump(mode="json"),
         "game": game.section(RoundShown(place.id, place.number, place.sets_up)),
         "began": events[0].wall_time.isoformat(), "pace": events[0].pace, "seed": events[0].seed,
         "span": [round(events[0].plant_time, _DIGITS), round(events[-1].plant_time, _DIGITS)],

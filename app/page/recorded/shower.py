@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from app import UserError
+from app.analysis.kept import ANALYSIS_FILE
 from app.page.recorded.catalogue import RecordPlace, match_of_record
 from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
 from app.records.robot import ROBOT_FILE
@@ -68,7 +69,7 @@ class RecordShower:
             TooMuchWanted: as the others.
             RecordError: it cannot be read.
         """
-        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE, place.folder / FILM_FILE)
+        files = tuple(place.folder / name for name in (EVENTS_FILE, ROBOT_FILE, FILM_FILE, ANALYSIS_FILE))
         wanted = ("record", str(place.folder), place.id, str(place.number), "sets up" if place.sets_up else "")
         return await self._made(wanted, files, JSON, lambda: _run(*wanted))
 
@@ -99,7 +100,7 @@ class RecordShower:
         Raises:
             RecordError: the record cannot be read.
         """
-        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE)
+        files = tuple(place.folder / name for name in (EVENTS_FILE, ROBOT_FILE, ANALYSIS_FILE))
         return await self._made(("report",), files, HTML, lambda: _run("report", str(place.folder)))
 
     async def _made(

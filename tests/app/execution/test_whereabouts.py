@@ -243,7 +243,7 @@ def test_a_piece_that_depth_sees_standing_neither_lies_nor_is_missing(kind: Faul
 
     assert not left(sighted(KNIGHT, at))
     assert not left(sighted(KNIGHT, (at[0] + 0.004, at[1] - 0.006)))
-    assert not left(replace(sighted(KNIGHT, at), white=0.0)), "colours say nothing of it"
+    assert not left(replace(sighted(KNIGHT, at), white=-0.2)), "colours say nothing of it"
     assert left(), "nothing is there"
     assert left(replace(sighted(KNIGHT, at), upright=False))
     assert left(sighted(KNIGHT, (at[0], at[1] + 0.02))), "it stands between two squares"

@@ -5,7 +5,7 @@ import {choices, openDialog, toggle} from './dialog.js';
 import {editPosition} from './editor.js';
 
 const CLOCKS = ['none', '3+2', '5+3', '10+5', '15+10', '30+20', '90+30'];
-const WEAKEST = 1320;
+const WEAKEST = 400;
 const STRONGEST = 3190;
 /** One period of a time control, as the program reads it: 5+3, 0:30+1, 5d3, 40/90. */
 const PERIOD = /^(\d{1,3}\/)?((\d{1,2}:)?\d{1,3}:[0-5]?\d|\d{1,3}(\.\d{1,3})?)([+db]\d{1,4}(\.\d{1,3})?)?$/;

@@ -2,6 +2,7 @@
 
 import {make, say} from '../panels/dom.js';
 import {writePlace} from './address.js';
+import {Chances} from './chances.js';
 import {Film} from './film.js';
 import {plyName, Slider} from './slider.js';
 import {Timeline} from './timeline.js';
@@ -41,6 +42,7 @@ export class Player {
     const {white, black, result} = record.game;
     this.title = record.game.sets_up ? 'Setting up' : `${white} – ${black}, ${result}`;
     this.troubles = make('ul', {class: 'tm-troubles'}, ...record.troubles.map((one) => this.#trouble(one)));
+    this.chances = record.analysis ? new Chances(record.analysis, (ply) => this.seek(this.timeline.timeOf(ply))) : null;
     this.robot = make('div', {class: 'tm-beside'});
     this.plots = make('div', {});
     const figures = make(
@@ -60,6 +62,7 @@ export class Player {
       ),
       make('div', {class: 'tm-stage'}, this.film.root, this.slider.root, this.robot),
       this.#downloads(),
+      ...(this.chances ? [this.chances.root] : []),
       this.troubles,
       figures,
     );
@@ -162,6 +165,7 @@ export class Player {
     this.setting = false;
     const done = timeline.pliesAt(t);
     const ply = done > 0 ? timeline.plies[done - 1] : null;
+    this.chances?.show(done);
     this.film.show(t, ply ?? {frame: this.record.first_frame, name: 'the beginning'}, this.running ? this.speed : 0);
     this.slider.show(t, ply ? `after ${ply.name}` : 'before the first move', this.running);
     clearTimeout(this.rest);

@@ -18,6 +18,7 @@ from app.records.events import GameSetup, PlyOutcome, read_events
 from app.records.files import EVENTS_FILE
 from app.records.game import GameRecord
 from hardware.table import TableSettings
+from tests.app.analysis.analysed import analysed
 
 TABLE = TableSettings()
 STAGE = 0.5
@@ -47,7 +48,7 @@ class RecordedGame:
 
 
 def recorded_game(folder: Path, *line: str) -> RecordedGame:
-    """A game of these moves (SAN), in which the arm goes straight from place to place."""
+    """A game of these moves (SAN), in which the arm goes straight; it was analysed: the second ply loses."""
     board = chess.Board()
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     record = GameRecord.begin(folder, GameSetup("Anna", "Bert", 1, "fast"), board, inventory, 0.0)
@@ -69,6 +70,7 @@ def recorded_game(folder: Path, *line: str) -> RecordedGame:
         now += STAGE
         ways.append((now, HOME))
     record.end("*", "it was long enough", now)
+    analysed(" ".join(line), [300 * (number % 3 == 2) for number in range(len(line) + 1)], folder)
     events = read_events(folder / EVENTS_FILE)
     shown = record_shown(RecordPlace(ID, folder, 1, False), events)
     return RecordedGame(shown, {"columns": _columns(ways)}, tuple(done), tuple(boards))

@@ -108,6 +108,18 @@ def test_keys_go_from_ply_to_ply(page: Page, recorded: RecordedGame) -> None:
         until(lambda to=expected: float(slider.input_value()) == pytest.approx(to, abs=0.011), page)
 
 
+def test_the_analysis_says_what_was_wrong_and_leads_there(page: Page, recorded: RecordedGame) -> None:
+    blunder = page.locator(".tm-chances .tm-blunder").first
+    assert blunder.inner_text() == "1… d5 ??"
+    blunder.click()
+    until(lambda: get(page, "viewing") == 2, page)
+    assert "Blunder. d5 lets the winning chances fall" in page.locator(".tm-chances .tm-sentence").last.inner_text()
+    chart = page.locator(".tm-chances-chart").bounding_box()
+    assert chart is not None
+    page.mouse.click(chart["x"] + 0.25 * chart["width"], chart["y"] + 0.5 * chart["height"])
+    until(lambda: get(page, "game")["fen"] == recorded.boards[1].fen(), page)
+
+
 def test_a_move_chosen_in_the_list_of_moves_takes_the_slider_there(page: Page, recorded: RecordedGame) -> None:
     page.evaluate("store.set('viewing', 2)")
     assert get(page, "game")["fen"] == recorded.boards[2].fen()

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.page.recorded.catalogue import Catalogue
+from app.analysis.openings import opening_of
+from app.page.recorded.catalogue import Catalogue, RecordPlace
 from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import PERSON, GameFold, RecordContradicts, RoundShown, fold
-from app.page.recorded.openings import opening_of, openings
 from app.page.recorded.record import record_shown
 from app.pieces.inventory import Stage
 from app.play import match
@@ -23,6 +23,7 @@ from app.records.robot import RobotRecord, keep_robot
 from hardware.parameters import load_parameters
 from hardware.piece_set import Colour
 from hardware.table import Captured, TableSettings
+from tests.app.analysis.analysed import analysed
 from tests.app.page.recorded.recorded_games import PARTS, TABLE, RecordedGame
 
 SHOWN = RoundShown("id", 2, sets_up=False, person=Colour.WHITE)
@@ -217,16 +218,18 @@ def test_a_game_keeps_the_last_name_it_had(tmp_path: Path) -> None:
     assert of(game).section(SHOWN)["opening"]["name"].startswith("Sicilian")
 
 
-def test_every_opening_is_of_a_position_and_has_a_code() -> None:
-    assert len(openings()) > 3000
-    for position, opening in openings().items():
-        board = chess.Board(f"{position} 0 1")
-        assert board.epd() == position
-        assert board.is_valid()
-        assert opening.eco[0] in "ABCDE"
-        assert opening.eco[1:].isdecimal()
-        assert opening.name == opening.name.strip() != ""
-
-
 def test_a_person_is_called_as_the_program_calls_one() -> None:
     assert PERSON == match.PERSON
+
+
+def test_a_record_shows_the_analysis_of_just_its_game(tmp_path: Path) -> None:
+    game = RecordedGame(tmp_path)
+    for san in ("e4", "e5"):
+        game.ply(san)
+    place = RecordPlace("id", tmp_path, 1, False)
+    events = read_events(tmp_path / EVENTS_FILE)
+    assert record_shown(place, events)["analysis"] is None
+    made = analysed("e4 e5", [0, 0, 300], tmp_path)
+    assert record_shown(place, events)["analysis"] == made.model_dump(mode="json")
+    analysed("e4 c5", [0, 0, 300], tmp_path)
+    assert record_shown(place, events)["analysis"] is None

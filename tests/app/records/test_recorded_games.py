@@ -7,7 +7,7 @@ from pathlib import Path
 import chess
 import pytest
 
-from app.play.recorded_games import ReplayError, recorded_games
+from app.records.recorded_games import ReplayError, recorded_games
 
 TWO = """[Event "A"]
 [White "X"]

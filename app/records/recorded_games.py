@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -35,6 +35,7 @@ class RecordedGame:
         black: name.
         title: of players and event, for people.
         result: as the file has it.
+        headers: all of the file's, by name.
         cut: what there is to say of a game that has no end in the file; None: it has one.
     """
 
@@ -45,6 +46,7 @@ class RecordedGame:
     black: str
     title: str
     result: Result
+    headers: Mapping[str, str] = field(default_factory=dict)
     cut: str | None = None
 
     def from_ply(self, ply: int) -> RecordedGame:
@@ -145,7 +147,8 @@ def _recorded(game: _Game, file: Path, count: int) -> RecordedGame:
     cut = None if game.ended else f"{file}, game {count}, ends without a result {after}: it may have been cut off there"
     return RecordedGame(
         game.board(), moves, tuple(node.comment for node in game.mainline()),
-        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")), cut,
+        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")),
+        dict(headers), cut,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import chess
 
-TABLE: Final = Path(__file__).parents[1] / "openings" / "openings.tsv"
+TABLE: Final = Path(__file__).with_name("openings.tsv")
 
 
 class Opening(NamedTuple):
@@ -33,3 +33,17 @@ def openings() -> Mapping[str, Opening]:
 def opening_of(board: chess.Board) -> Opening | None:
     """Name of a position; None: it has none of its own."""
     return openings().get(board.epd())
+
+
+def opening_of_game(board: chess.Board) -> tuple[Opening, int] | None:
+    """Of a game: the last of its positions that has a name, and after how many plies it stood; None: none has one.
+
+    ``board`` is the position at the end with the moves that led to it, and is left as it is.
+    """
+    board = board.copy()
+    while True:
+        if (found := opening_of(board)) is not None:
+            return found, len(board.move_stack)
+        if not board.move_stack:
+            return None
+        board.pop()

@@ -1,0 +1,1 @@
+"""Learning at the board: a coach, puzzles, a repertoire, games at odds."""
