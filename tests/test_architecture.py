@@ -41,7 +41,7 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "measure", "page", "campaign", "dataset", "play", "practice", "game", "execution", "guard",
+        "cli", "measure", "page", "campaign", "online", "dataset", "play", "practice", "game", "execution", "guard",
         "commissioning", "rig", "terminal", "settings", "report", "analysis", "records",
         "motion", "players", "scene", "pieces",
     ),

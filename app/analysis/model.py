@@ -7,7 +7,8 @@ from typing import Annotated
 from pydantic import Field
 
 from app.analysis.judgement import Judgement
-from app.records.events import Record, Result
+from app.players.ending import Result
+from app.records.events import Record
 from hardware.piece_set import Colour
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]

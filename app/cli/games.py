@@ -15,6 +15,7 @@ import typer
 import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.audience import page_of_command, show_game
 from app.cli.ending import fail
+from app.cli.online import require_extra
 
 if TYPE_CHECKING:
     from app.play.session import SessionResult
@@ -220,11 +221,16 @@ def resume(
     from app.settings.files import kept_settings
 
     options.refuse_unseen_page(context)
-    go_on = resume_from_board if from_board else resume_games
+    go_on: Callable[[Path, UserInterface, Lines], SessionResult] = resume_from_board if from_board else resume_games
     try:
         settings = kept_settings(match_of(folder)).with_changes({"page.on": page})
     except UserError as error:
         fail(str(error))
+    if settings.online.use is not None:
+        if from_board:
+            fail("a game on Lichess goes on from its own position alone: leave --from-board out")
+        require_extra()
+        from app.online.launch import resume_online as go_on
     show_game(
         "resume", lambda ui, lines: go_on(folder, ui, lines), settings, page_ahead, headless=headless, as_json=as_json,
         awaited=page is True,

@@ -11,9 +11,8 @@ import chess.engine
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
-from app.players.commands import NewGame
+from app.players.ending import GameEnd
 from app.records import History, PlyOutcome
-from app.records.events import Result
 from app.records.history import Unfinished
 from app.rig.arm import Arm
 from controller.wire.errors import ControllerError
@@ -96,20 +95,6 @@ class AwaitedReply:
     def possible(self, guard: GameGuard | None) -> bool:
         """Whether a hand has come and gone since that may have made it, as far as anybody can tell."""
         return self.hands is None or guard is None or guard.hands != self.hands
-
-
-@dataclass(frozen=True, slots=True)
-class GameEnd:
-    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted, like
-    what, and whether that begins with what stands on the board.
-    """
-
-    result: Result
-    reason: str
-    complete: bool
-    again: bool = False
-    kept: bool = False
-    wish: NewGame | None = None
 
 
 LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)

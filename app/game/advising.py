@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from app.execution.state import WRONG, GameEnd
+from app.execution.state import WRONG
 from app.execution.table import Table
 from app.game.person import ask
 from app.game.timing import Timing
 from app.players.advice import TakingBack
+from app.players.ending import GameEnd
 from app.players.person import Human
 from app.terminal.interface import UserInterface
 

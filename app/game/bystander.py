@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import chess
 
-from app.execution.state import GameEnd
 from app.game.person import PersonAttendant, end_of
 from app.game.timing import Timing
 from app.players.commands import Word, word_of
+from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
 from app.terminal.interface import UserInterface
 

@@ -8,16 +8,18 @@ from collections.abc import Callable
 import chess
 
 from app import UserError
-from app.execution.state import LEFT, WRONG, GameEnd, Remark
+from app.execution.state import LEFT, WRONG, Remark
 from app.execution.table import Table
 from app.game.bystander import Bystander
 from app.game.clock import side_name
 from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
+from app.game.remote_turn import RemoteTurn
 from app.game.timing import Timing
-from app.players.person import Human
+from app.players.ending import GameEnd, Result
+from app.players.person import Human, Lines
 from app.players.players import Decision, Players
-from app.records.events import Result
+from app.players.remote import RemoteOpponent
 from app.rig.arm import FELT
 from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
@@ -36,6 +38,8 @@ class Game:
             before. None: the rules end the game, and draws are claimed.
         timing: chess clocks; None: none.
         bystander: who may interrupt engines; None: nobody.
+        opponent: who plays one side from somewhere else; None: nobody does.
+        lines: what is said here to an opponent elsewhere; None: nobody says anything.
     """
 
     def __init__(
@@ -48,11 +52,17 @@ class Game:
         result: Result | None = None,
         timing: Timing | None = None,
         bystander: Bystander | None = None,
+        opponent: RemoteOpponent | None = None,
+        lines: Lines | None = None,
     ) -> None:
         self._table, self._players, self._ui = table, players, ui
         self._timing = timing or Timing(None, table.now)
         self._comments, self._result, self._bystander = comments, result, bystander
-        self._human = None if human is None else HumanTurn(human, table, players, self._timing, ui)
+        moves_pieces = None if human is None else lambda colour: human.hands is None and colour is human.colour
+        self._remote = None
+        if opponent is not None:
+            self._remote = RemoteTurn(opponent, table, players, self._timing, ui, lines, moves_pieces)
+        self._human = None if human is None else HumanTurn(human, table, players, self._timing, ui, self._remote)
         self._most = 0
         self.thinking = 0.0
         """Wall time that the arm rested because a player thought [s]."""
@@ -70,6 +80,8 @@ class Game:
             self._timing.pause()  # nobody's time runs when it is over
 
     def _left(self, left: GameLeft) -> GameEnd:
+        if self._remote is not None:
+            return self._remote.leave(left.word)
         return LEFT if self._human is None else self._human.left(left.word, left.wish)
 
     def _play(self, plies: int) -> GameEnd:
@@ -80,6 +92,8 @@ class Game:
         if not self._table.begin(by_hand):
             return WRONG
         self._table.subscribe(self._think_ahead)
+        if self._remote is not None:
+            self._remote.stands()
         while True:
             end = self._over(plies)
             end = end or self._turn()
@@ -89,17 +103,20 @@ class Game:
     def _over(self, plies: int) -> GameEnd | None:
         board = self._table.board
         again = self._result is not None
-        outcome = board.outcome(claim_draw=self._human is None)
+        outcome = board.outcome(claim_draw=self._human is None and self._remote is None)
         done = len(board.move_stack) >= plies
         if outcome is not None and (done or not again):
-            return GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
+            end = GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
+            return end if self._remote is None else self._remote.confirmed(end)
         if done:
             return GameEnd(self._result or "*", f"{plies} plies played", True)
-        known = self._players.adjudicated(board)
+        known = None if self._remote is not None else self._players.adjudicated(board)
         return None if known is None else GameEnd(known, "known from the endgame tables", True)
 
     def _turn(self) -> GameEnd | None:
         """One ply, or something else in its place."""
+        if self._remote is not None and self._remote.plays(self._table.board.turn):
+            return self._remote.take()
         if self._human is not None and self._human.plays(self._table.board.turn):
             return self._human.take()
         return (None if self._bystander is None else self._bystander.heed()) or self._ask()
@@ -108,6 +125,8 @@ class Game:
         """The player to move is asked, and the arm does it."""
         board, colour = self._table.board, self._table.board.turn
         decision = self._choose()
+        if self._remote is not None:
+            return self._answer(self._remote, decision)
         if (fallen := self._timing.fallen(board)) is not None:
             return fallen
         if decision.resigns:
@@ -117,6 +136,22 @@ class Game:
         if decision.move is None:
             return GameEnd(self._result or "*", "end of the given line", True)
         return self._make(decision, decision.move)
+
+    def _answer(self, remote: RemoteTurn, decision: Decision) -> GameEnd | None:
+        """What the engine here has decided, unless something has come from its opponent meanwhile."""
+        before = self._table.board.move_stack.copy()
+        end = remote.heed()
+        if end is None and decision.claims_draw:
+            end = remote.claim_draw()
+        if end is not None or self._table.board.move_stack != before:
+            return end
+        if decision.resigns:
+            return remote.resign()
+        assert decision.move is not None, "an engine has a move as long as the rules have one"
+        remote.tell(decision.move, offers_draw=decision.offers_draw)
+        end = self._make(decision, decision.move)
+        remote.stands()
+        return end
 
     def _make(self, decision: Decision, move: chess.Move) -> GameEnd | None:
         """The arm makes the move of a player."""
@@ -169,7 +204,8 @@ class Game:
         board.push_uci(uci)
         if len(board.move_stack) >= self._most or board.outcome(claim_draw=True) is not None:
             return
-        if self._human is not None and self._human.plays(board.turn):
+        by_others = self._human is not None and self._human.plays(board.turn)
+        if by_others or (self._remote is not None and self._remote.plays(board.turn)):
             self._players.ponder(board, self._timing.limit(not board.turn))
         else:
             self._players.begin(board, self._timing.limit(board.turn))

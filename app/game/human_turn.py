@@ -8,21 +8,24 @@ arm puts it right when asked to, or the person does.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 import chess
 
 from app import UserError
-from app.execution.state import KEPT, WRONG, GameEnd, Remark
+from app.execution.state import KEPT, WRONG, Remark
 from app.execution.table import Table
 from app.game.advising import Advising
 from app.game.clock import side_name
+from app.game.complaints import Complaints
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
+from app.game.remote_turn import TO_OPPONENT, RemoteTurn
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
+from app.players.ending import GameEnd
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
@@ -35,8 +38,6 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.board_view import Reading
-    from vision.pieces.verify import Fault
-    from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
@@ -44,17 +45,23 @@ FORBEARANCE: Final = 2.0
 """So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
 castling or for a queen [s, wall]."""
 
+_HERE: Final = "that is for games against somebody elsewhere: here you play against the robot"
+
 
 class HumanTurn:
-    """Takes a person's turns."""
+    """Takes a person's turns; ``remote``: their opponent, where that sits somewhere else."""
 
-    def __init__(self, human: Human, table: Table, players: Players, timing: Timing, ui: UserInterface) -> None:
+    def __init__(
+        self, human: Human, table: Table, players: Players, timing: Timing, ui: UserInterface,
+        remote: RemoteTurn | None = None,
+    ) -> None:  # fmt: skip
         self._human, self._table, self._players, self._ui = human, table, players, ui
-        self._timing, self._questions = timing, TurnQuestions(human, ui)
+        self._timing, self._questions, self._remote = timing, TurnQuestions(human, ui), remote
         self._advising = Advising(human, table, timing, ui)
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
         self._notice = HandNotice(table.guard if human.hands is None else None)
+        self._complaints = Complaints(table, ui, watches=self._notice.watches)
         self._told, self._stopped = "", False
         self._unsaid: tuple[Reading, float, float] | None = None
         """What was seen when a hand had gone, when that was, and since when it has not been told [s, wall]."""
@@ -86,16 +93,15 @@ class HumanTurn:
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
             line, unseen, command, other = None, self._table.replied, other, None
             if not unseen and command is None:
-                if self._table.permission.stopped is not self._stopped:  # somebody has pressed STOP while nothing moved
-                    self._prompt()
-                self._notice.wake(True)
-                line = self._human.lines.next(POLL)
-                self._notice.wake(False)
+                before = self._table.board.move_stack.copy()
+                if (end := self._heed()) is not None or self._table.board.move_stack != before:
+                    return end
+                line = self._listen()
             try:
                 if unseen:
                     end = self._take_up()
                 elif command is not None or line is not None:
-                    end = self._obey(command or parse_command(line or "", self._table.board))
+                    end = self._obey(command or parse_command(line or "", self._table.board, self._human.refusal))
                 else:
                     end = self._glance()
             except (PersonGone, RecordError, ArmPaused, NeedsHand, NeedsGo, GameLeft):
@@ -114,6 +120,24 @@ class HumanTurn:
                 self._prompt()
         return None
 
+    def _listen(self) -> str | None:
+        if self._table.permission.stopped is not self._stopped:  # somebody has pressed STOP while nothing moved
+            self._prompt()
+        self._notice.wake(True)
+        line = self._human.lines.next(POLL)
+        self._notice.wake(False)
+        return line
+
+    def _heed(self) -> GameEnd | None:
+        """What has come from an opponent elsewhere; how the game has ended, if it has."""
+        if self._remote is None:
+            return None
+        spoken = self._remote.spoken
+        end = self._remote.heed()
+        if end is None and self._remote.spoken != spoken:
+            self._prompt()
+        return end
+
     def _flag(self) -> GameEnd | None:
         """The game's end by time; not while what a hand has left may be the move: it counts from when the hand went."""
         undecided = self._unsaid is not None or self._notice.leaving() or self._notice.untold
@@ -129,7 +153,9 @@ class HumanTurn:
 
     def wait(self, sentence: str) -> None:
         """Until the person says 'go'; ``GameLeft`` is raised where they leave instead."""
-        PersonAttendant(self._human.lines, self._ui, require=self._human.require).wait(sentence)
+        PersonAttendant(self._human.lines, self._ui, require=self._human.require, refusal=self._human.refusal).wait(
+            sentence
+        )
 
     def left(self, word: Word, wish: NewGame | None = None) -> GameEnd:
         """How the game has ended for a person who said quit, resign, new or keep."""
@@ -153,6 +179,8 @@ class HumanTurn:
         if isinstance(command, NewGame):
             self._human.require(command)
             return self.left(Word.NEW, command)
+        if self._remote is not None and command in TO_OPPONENT:
+            return self._remote.obey(command)
         words: dict[Word, Callable[[], GameEnd | None]] = {
             Word.LOOK: lambda: self._read(None, self._timing.now()),
             Word.FIX: lambda: None if self._table.repair() else WRONG,
@@ -167,6 +195,7 @@ class HumanTurn:
             Word.NEW: lambda: self.left(Word.NEW),
             Word.KEEP: self._keep,
             Word.QUIT: lambda: self.left(Word.QUIT),
+            **dict.fromkeys((Word.DECLINE, Word.ABORT, Word.CLAIM), lambda: self._ui.say(_HERE)),
         }
         return words[command]()
 
@@ -275,7 +304,7 @@ class HumanTurn:
             return None
         if reading.decision.verdict is not ReadingOutcome.NOTHING:
             return self._judge(reading, said, then)
-        if not self._complain_of_faults(centres=True):
+        if not self._complaints.of_disturbed(centres=True):
             self._ui.say("I see no change on the board" if said is None else f"I do not see {said.uci()} on the board")
         return None
 
@@ -283,13 +312,13 @@ class HumanTurn:
         """Something has changed on the board; ``said`` and ``then`` as for ``_read``."""
         decision, finding = reading.decision, reading.finding
         if decision.verdict is ReadingOutcome.NOTHING:
-            self._complain_of_faults(centres=False)
+            self._complaints.of_disturbed(centres=False)
             return None
         sure = decision.verdict is ReadingOutcome.MOVE
         if sure or finding.situation is Situation.LEGAL:
             move = decision.moves[0]
             if faults := self._table.toppled(move):
-                self._complain_of(faults)
+                self._complaints.of_faults(faults)
                 return None
             if not (sure or (move.promotion is None and self._table.shows_after(move))):
                 return self._ask_move(move, said, then, reading)
@@ -297,34 +326,10 @@ class HumanTurn:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
             return self._accept(move, then, reading)
         if finding.situation is not Situation.NOTHING:
-            self._complain(finding)
-        elif not self._complain_of_faults(centres=True):
+            self._complaints.of_finding(finding)
+        elif not self._complaints.of_disturbed(centres=True):
             self._ui.say("I am not sure what I see: make your move, or say 'fix' and the arm checks the board")
         return None
-
-    def _complain(self, finding: Diagnosis) -> None:
-        self._table.note(finding)
-        self._ask_to_fix(finding.sentence, finding.squares)
-
-    def _complain_of_faults(self, *, centres: bool) -> bool:
-        """Of what lies, or stands off its place, where the position is the same; whether there was any."""
-        faults = self._table.disturbed(centres=centres)
-        if faults:
-            self._complain_of(faults)
-        return bool(faults)
-
-    def _complain_of(self, faults: Sequence[Fault]) -> None:
-        self._table.note_faults(faults)
-        self._ask_to_fix(" and ".join(fault.sentence for fault in faults), [fault.square for fault in faults])
-
-    def _ask_to_fix(self, sentence: str, squares: Sequence[chess.Square]) -> None:
-        look = "" if self._notice.watches else " and say 'look'"
-        lying = [(one.piece, one.target) for one in self._table.fallen()]
-        what = " and ".join(f"the {piece.colour} {piece.kind} of {at} has fallen over" for piece, at in lying)
-        self._ui.say(
-            f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it",
-            [chess.square_name(square) for square in squares],
-        )
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
@@ -359,7 +364,11 @@ class HumanTurn:
             after = self._table.board.copy()
             after.push(move)
             self._table.observer.confirm(after, reading.look)
+        if self._remote is not None:
+            self._remote.tell(move)
         well = self._table.hand_ply(move, Remark(clocks=self._timing.left))
+        if self._remote is not None:
+            self._remote.stands()
         return self._advising.after_move() if well else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import chess
 
 from app import UserError
-from app.execution.state import KEPT, LEFT, GameEnd, Told
+from app.execution.state import KEPT, LEFT, Told
 from app.game.clock import side_name
 from app.pieces.inventory import Inventory, Ply
 from app.players.commands import (
@@ -29,6 +29,7 @@ from app.players.commands import (
     said_of_square,
     word_of,
 )
+from app.players.ending import GameEnd
 from app.players.person import Hands, Human, Lines, PersonGone
 from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
@@ -102,6 +103,10 @@ class Respondent(Protocol):
     def require(self) -> Callable[[NewGame], None]:
         """As of ``Human``."""
 
+    @property
+    def refusal(self) -> Callable[[str], str | None]:
+        """As of ``Human``."""
+
 
 def ask(
     human: Respondent, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
@@ -138,6 +143,10 @@ def ask(
         if (answer := line.strip().lower()) in valid:
             return answer
         word = word_of(line)
+        if (refusal := human.refusal(line)) is not None:
+            ui.say(refusal)
+            ui.prompt(question, words if offers is None else offers, squares)
+            continue
         if word is not None and word in leaves:
             raise GameLeft(word)
         if (wish := _wish(human, ui, line)) is not None and Word.NEW in leaves:
@@ -277,12 +286,14 @@ class PersonAttendant:
         ui: shows them what is asked.
         leaves: words by which they leave instead.
         require: as of ``Human``.
+        refusal: likewise.
     """
 
     lines: Lines
     ui: UserInterface
     leaves: tuple[Word, ...] = LEAVES
     require: Callable[[NewGame], None] = lambda _: None
+    refusal: Callable[[str], str | None] = lambda _: None
 
     def wait_for_go(self, sentence: str) -> None:
         """See ``Attendant.wait_for_go``. A 'go' that was said before, twice by mistake perhaps, lifts no later STOP.

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 import chess
 import chess.engine
 
-from app.execution.state import GameEnd
 from app.game.clock import ChessClock, ClockMove
+from app.players.ending import GameEnd
 from app.records import PlyEvent
 from app.settings.time_control import ArmTime
 from app.terminal.shown import ClockShown

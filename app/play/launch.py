@@ -59,26 +59,26 @@ def run_games(
         UserError: bad settings, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
-    settings = _decided(settings)
+    settings = decided(settings)
     rig_setup = replace(rig_setup_of(settings.rig, settings.vision.calibration), ahead=ahead)
-    settings = _completed(settings, rig_setup)
+    settings = completed(settings, rig_setup)
     folder = settings.out or (ahead and ahead.folder) or new_folder(GAMES, utc_now())
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, lines, stack)
+        human = human_of(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
-        shown = _show_session(settings, rig_setup, folder, human, ui, _start(settings))
+        shown = show_session(settings, rig_setup, folder, human, ui, start_fen(settings))
         games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
         keep_settings(folder, settings)
-        rig = rig_setup.rig(folder, board, _person(settings) or settings.rig.person)
+        rig = rig_setup.rig(folder, board, person_side(settings) or settings.rig.person)
         return run_session(
             folder,
-            _opening_rig(rig_setup, rig, ui, shown, stack, new=True),
+            opening_rig(rig_setup, rig, ui, shown, stack, new=True),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
-            _filming(rig_setup, folder), ui,
+            filming_of(rig_setup, folder), ui,
             session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
@@ -91,7 +91,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = _decided(kept_settings(folder))
+    settings = decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
     history = read_history(path / EVENTS_FILE, rig_setup.table, ui.say)
@@ -102,23 +102,28 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
     if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
         position = position.from_the_start()
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, lines, stack)
-        shown = _show_session(settings, rig_setup, folder, human, ui)
+        human = human_of(settings, rig_setup, folder, lines, stack)
+        shown = show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
-        if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
+        if not sets_up and is_over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
-        if rig_setup.own:
-            from app.rig.simulation.sim import require_present  # devices take seconds to load
-
-            require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
+        require_world(rig_setup, folder, history)
         return run_session(
             folder,
-            _opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, stack, new=False),
+            opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, stack, new=False),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
             None, ui, session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
+
+
+def require_world(rig_setup: RigSetup, folder: Path, history: History) -> None:
+    """Make sure that a world of our own is at least as old as the record."""
+    if rig_setup.own:
+        from app.rig.simulation.sim import require_present  # devices take seconds to load
+
+        require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
 
 
 def resume_from_board(folder: Path, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
@@ -129,10 +134,10 @@ def resume_from_board(folder: Path, ui: UserInterface, lines: Lines | None = Non
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = _decided(kept_settings(folder))
+    settings = decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, lines, stack)
+        human = human_of(settings, rig_setup, folder, lines, stack)
         return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=last_round(folder)[1] + 1)
 
 
@@ -149,11 +154,11 @@ def _play_from_board(
     if number == 1:
         make_folder(folder)
     standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
-    rig = rig_setup.rig(folder, standing, _person(settings) or settings.rig.person)
-    shown = _show_session(settings, rig_setup, folder, human, ui)
+    rig = rig_setup.rig(folder, standing, person_side(settings) or settings.rig.person)
+    shown = show_session(settings, rig_setup, folder, human, ui)
     return run_session(
         folder,
-        _opening_rig(rig_setup, rig, ui, shown, stack, new=number == 1),
+        opening_rig(rig_setup, rig, ui, shown, stack, new=number == 1),
         _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
         session_vision(settings, rig_setup, human, ui),
     )  # fmt: skip
@@ -176,7 +181,7 @@ def _from_board(
             keep_settings(folder, found)
         return made
 
-    return FromBoard(human, ui, _table_setup(settings, rig_setup, human, human.lines), rig_setup.table, begin, match)
+    return FromBoard(human, ui, table_setup_of(settings, rig_setup, human, human.lines), rig_setup.table, begin, match)
 
 
 def _keepable(
@@ -197,7 +202,7 @@ def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface,
         fixture.players(stack)
 
 
-def _over(history: History, most: int) -> bool:
+def is_over(history: History, most: int) -> bool:
     """Whether a game had its result, or as many plies as it may have."""
     last = history.events[-1]
     decided = isinstance(last, EndEvent) and last.result != "*"
@@ -207,11 +212,12 @@ def _over(history: History, most: int) -> bool:
 def _match(
     settings: Settings, rig_setup: RigSetup, games: GameSeries, folder: Path, ui: UserInterface, lines: Lines | None
 ) -> Match:
-    table_setup = _table_setup(settings, rig_setup, games.human, lines)
+    table_setup = table_setup_of(settings, rig_setup, games.human, lines)
     return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 
 
-def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None, lines: Lines | None) -> TableSetup:
+def table_setup_of(settings: Settings, rig_setup: RigSetup, human: Human | None, lines: Lines | None) -> TableSetup:
+    """What all tables of a rig have in common, whoever plays there and says something."""
     follows = looks(settings, rig_setup, human)
     return TableSetup(
         rig_setup.motion,
@@ -223,16 +229,16 @@ def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None, l
     )
 
 
-def _decided(settings: Settings) -> Settings:
+def decided(settings: Settings) -> Settings:
     """With what was left out about safety: whether hands are watched for, and how fast the arm then moves."""
     rig, guard, own = settings.rig, settings.vision.guard, settings.rig.name == SIMULATED
     if guard is None and own:
-        guard = rig.cameras and _person(settings) is not None
+        guard = rig.cameras and person_side(settings) is not None
     watched = Profile.SEPARATION if own and guard else Profile.DEFAULT
     return settings.with_changes({"vision.guard": guard, "rig.profile": rig.profile or watched})
 
 
-def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:
+def completed(settings: Settings, rig_setup: RigSetup) -> Settings:
     """With what the rig says, and with paths that hold for any working directory."""
     if settings.game.fen is None and rig_setup.fen is not None:
         settings = settings.with_changes({"game.fen": rig_setup.fen})
@@ -257,16 +263,21 @@ def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:
     return settings
 
 
-def _person(settings: Settings) -> Colour | None:
+def person_side(settings: Settings) -> Colour | None:
     """The side that a person plays; of two people that of the hand which moves all pieces."""
     humans = [colour for colour in Colour if settings.side(colour is Colour.WHITE).player is PlayerKind.HUMAN]
     return humans[0] if humans else None
 
 
-def _human(
+def human_of(
     settings: Settings, rig_setup: RigSetup, folder: Path, lines: Lines | None, stack: ExitStack
 ) -> Human | None:
-    colour = _person(settings)
+    """The person who plays here by the settings; a simulated hand of theirs is closed with the stack.
+
+    Raises:
+        UserError: they could not say anything, or there are two.
+    """
+    colour = person_side(settings)
     if colour is None:
         return None
     if lines is None:
@@ -294,7 +305,7 @@ def _adviser(settings: Settings, stack: ExitStack) -> Adviser | None:
     return Advisers(advisers) if advisers else None
 
 
-def _opening_rig(
+def opening_rig(
     rig_setup: RigSetup, rig: RigFile | None, ui: UserInterface, shown: SessionShown, stack: ExitStack, *, new: bool
 ) -> Opener:
     """Opens the rig, which begins to start now, and shows what it is; arguments as of ``RigSetup.begin``."""
@@ -310,7 +321,7 @@ def _opening_rig(
     return opened
 
 
-def _show_session(
+def show_session(
     settings: Settings,
     rig_setup: RigSetup,
     folder: Path,
@@ -321,21 +332,22 @@ def _show_session(
     """Show what is going to be played, before anything slow; ``start``: FEN, where that is known."""
     kind: RigKind = "board" if rig_setup.file is None else "sim" if rig_setup.own else "lab"
     shown = SessionShown(
-        folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, _person(settings),
+        folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, person_side(settings),
         human is not None and human.hands is not None, rig_setup.sees, start=start,
     )  # fmt: skip
     ui.session(shown)
     return shown
 
 
-def _start(settings: Settings) -> str | None:
+def start_fen(settings: Settings) -> str | None:
     """What the first game begins from, where the settings say it."""
     game = settings.game
     unknown = game.replay is not None or settings.practice.puzzles is not None
     return None if unknown else first_board(settings).fen()
 
 
-def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
+def filming_of(rig_setup: RigSetup, folder: Path) -> Filming | None:
+    """The film of a simulated world, as the settings say; None: none is made."""
     section = rig_setup.section
     filmed = section.video and section.cameras
     if not (rig_setup.simulated and (filmed or section.positions)):

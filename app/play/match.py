@@ -15,6 +15,7 @@ from typing import Final, Protocol
 
 import chess
 
+from app import UserError
 from app.execution.state import KEPT, LEFT, WRONG
 from app.execution.table import Table
 from app.game import Devices, Game, GameEnd, Position
@@ -22,15 +23,18 @@ from app.game.bystander import Bystander
 from app.game.clock import ChessClock
 from app.game.game import leave, require_empty_fingers
 from app.game.person import GameLeft, SettledHands
+from app.game.remote_timing import RemoteTiming
+from app.game.remote_turn import refusal
 from app.game.timing import Timing, clock_of
 from app.pieces.inventory import Inventory
 from app.play.session import Round
 from app.play.table_setup import TableSetup
 from app.players.commands import Word
+from app.players.ending import Result
 from app.players.person import Human
 from app.players.players import Players
+from app.players.remote import RemoteOpponent
 from app.records import EVENTS_FILE, GameRecord, GameSetup
-from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
 from app.terminal.interface import UserInterface
@@ -55,6 +59,8 @@ class Fixture:
         comments: for each ply of a game that is played again.
         result: of that game; None: it is no such game.
         clock: before the game; None: it is played without.
+        opponent: who plays one side from somewhere else, found once the pieces stand; the finder returns None where
+            nobody is found and no more is to be played. None: nobody plays from elsewhere.
     """
 
     board: chess.Board
@@ -64,6 +70,7 @@ class Fixture:
     comments: tuple[str, ...] = ()
     result: Result | None = None
     clock: ChessClock | None = None
+    opponent: Callable[[], RemoteOpponent | None] | None = None
 
 
 class Fixtures(Protocol):
@@ -108,6 +115,7 @@ class Match:
         self._sets_up = False
         self._fixture: Fixture | None = None
         self._chosen: Players | None = None
+        self._opponent: RemoteOpponent | None = None
 
     def __enter__(self) -> Match:
         return self
@@ -139,6 +147,8 @@ class Match:
         board = fixture.board if standing is None else standing
         stands = layout(board)
         sets_up = standing is not None
+        if not sets_up and not self._find_opponent():
+            raise UserError("no opponent was found: ask again, or wait longer")
         name = f"set-up-{number}" if sets_up and fixture.plies else self._name("game", number)
         record = self._record(name, board, stands, at)
         self._ui.round(record.folder, number, sets_up=sets_up)
@@ -149,6 +159,8 @@ class Match:
         """Begin with what another program has left."""
         fixture = self._take_up(start.number, None)
         assert fixture is not None, "what was begun is among the fixtures"
+        if not start.sets_up and not self._find_opponent():
+            raise UserError("the opponent of this game was not found: look at the game where it is played")
         self._records.enter_context(start.record)
         self._ui.round(start.record.folder, start.number, sets_up=start.sets_up)
         self._start = start
@@ -172,10 +184,27 @@ class Match:
             if self._take_up(self._number, last) is None:
                 return None
             self._sets_up = not self._shows(self._table.board)
+        if not self._sets_up and not self._find_opponent():
+            return None
         return self._next_round(devices, self._table)
+
+    def _find_opponent(self) -> bool:
+        """Once the pieces stand, whoever plays from elsewhere, if anybody should; False: nobody was found."""
+        assert self._fixture is not None
+        if self._fixture.opponent is None:
+            return True
+        self._opponent = self._fixture.opponent()
+        if self._opponent is None:
+            return False
+        if (human := self._fixture.human) is not None:
+            colour = not self._opponent.colour
+            human = replace(human, colour=colour, refusal=refusal, adviser=None, both=False)  # nobody helps
+            self._fixture = replace(self._fixture, human=human)
+        return True
 
     def _take_up(self, number: int, last: GameEnd | None) -> Fixture | None:
         self._fixture = self._fixtures(number, last)
+        self._opponent = None
         if self._fixture is not None:
             self._players.close()
             self._chosen = self._fixture.players(self._players)
@@ -209,11 +238,17 @@ class Match:
             return Round(record, lambda: _set_up(table, goal), dict)
         clock = clock_of(self._fixture.clock, counted_plies(record.events))
         timing = Timing(clock, devices.clock.now, show=self._ui.clock)
+        if self._opponent is not None:
+            timing = RemoteTiming(self._opponent, devices.clock.now, show=self._ui.clock)
         timing.show()
-        lines = self._table_setup.lines if human is None else None
-        bystander = None if lines is None else Bystander(lines, self._ui, timing)
+        lines = self._table_setup.lines
+        watched = human is None and lines is not None and self._opponent is None
+        bystander = Bystander(lines, self._ui, timing) if watched and lines is not None else None
         fixture = self._fixture
-        game = Game(table, self._chosen, self._ui, human, fixture.comments, fixture.result, timing, bystander)
+        game = Game(
+            table, self._chosen, self._ui, human, fixture.comments, fixture.result, timing, bystander, self._opponent,
+            lines if human is None else human.lines,
+        )  # fmt: skip
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 
@@ -223,13 +258,21 @@ class Match:
     def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
         assert self._chosen is not None
         assert self._fixture is not None
-        human, clock = self._fixture.human, self._fixture.clock
-        white, black = (
-            PERSON if human is not None and (human.both or human.colour is colour) else self._chosen.name(colour)
-            for colour in (chess.WHITE, chess.BLACK)
-        )
-        control = None if clock is None else clock.white.pgn
-        setup = GameSetup(white, black, self._seed, self._pace.value, time_control=control)
+        human, clock, opponent = self._fixture.human, self._fixture.clock, self._opponent
+        names = {
+            colour: PERSON
+            if human is not None and (human.both or human.colour is colour)
+            else self._chosen.name(colour)
+            for colour in chess.COLORS
+        }
+        control, site = None if clock is None else clock.white.pgn, "?"
+        if opponent is not None:
+            listing = opponent.listing
+            here = names[not opponent.colour] if listing.here is None else listing.here
+            names = {opponent.colour: opponent.name, not opponent.colour: here}
+            control, site = listing.time_control, listing.site
+        white, black = names[chess.WHITE], names[chess.BLACK]
+        setup = GameSetup(white, black, self._seed, self._pace.value, site, control)
         record = GameRecord.begin(self._folder / name, setup, board, inventory, plant_time)
         return self._records.enter_context(record)
 

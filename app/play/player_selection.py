@@ -27,6 +27,8 @@ from hardware.interfaces import Pace
 OPENING_PLIES: Final = 8
 MOVE_TIME: Final = 0.2
 """Of a move where neither a clock, nor a time, nor nodes say otherwise [s]."""
+LONGEST_THOUGHT: Final = 3.0
+"""Of an engine that plays somebody elsewhere, where nothing else is said; without a clock, of every move [s]."""
 LOST_BY: Final = 900
 """An engine that may resign does at so many centipawns, four times in a row."""
 
@@ -91,6 +93,26 @@ def engine_players(
         players[colour] = LinePlayer(board, opening, player)
     ended = None if human or tables is None else tables
     return Players(players[chess.WHITE], players[chess.BLACK], ponders=pace is Pace.REAL, tablebase=ended)
+
+
+def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace: Pace) -> Players:
+    """One engine, as White's settings say, for whichever side it will play against somebody elsewhere, by the clock
+    that counts there; arguments and errors as of ``engine_players``.
+    """
+    ui.phase("starting Stockfish")
+    seed, tables = settings.rig.seed, None
+    kept = _engine_settings(settings, chess.WHITE, seed, human=True)
+    if settings.engine.move_time is None and settings.engine.nodes is None:
+        kept = kept.model_copy(update={"move_time": LONGEST_THOUGHT, "ponder": settings.engine.ponder is not False})
+    engine = stack.enter_context(Engine(kept))
+    book = None
+    if (found := _book_of(settings, chess.WHITE)) is not None:
+        book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
+    if settings.engine.syzygy is not None:
+        tables = stack.enter_context(Tablebase(settings.engine.syzygy))
+    resigns = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
+    player = EnginePlayer(engine, _name(kept), book=book, policy=resigns, tablebase=tables)
+    return Players(player, player, ponders=pace is Pace.REAL)
 
 
 def start_clock(settings: Settings) -> ChessClock | None:

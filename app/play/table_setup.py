@@ -60,7 +60,7 @@ class TableSetup:
         record.robot(self.parameters, None if devices.camera is None else self.camera())
         attendant: Attendant = UnattendedAttendant(self.lines, ui)
         if human is not None:
-            attendant = PersonAttendant(human.lines, ui, require=human.require)
+            attendant = PersonAttendant(human.lines, ui, require=human.require, refusal=human.refusal)
         carrier = Carrier(devices, record, ui, self.motion, self.parameters, attendant)
         if position.begun and human is None and carrier.permission.stopped:
             carrier.permission.go_on()  # whoever has said 'touchmove resume' has said so

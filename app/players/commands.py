@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -37,6 +37,9 @@ class Word(StrEnum):
     GO = "go"
     DRAW = "draw"
     RESIGN = "resign"
+    DECLINE = "decline"
+    ABORT = "abort"
+    CLAIM = "claim"
     SIDE = "side"
     NEW = "new"
     KEEP = "keep"
@@ -54,6 +57,9 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.GO: "continue after a pause, or after STOP",
         Word.DRAW: "offer a draw, or claim one",
         Word.RESIGN: "give up the game",
+        Word.DECLINE: "decline the draw or take-back that an opponent elsewhere proposes",
+        Word.ABORT: "end a game against an opponent elsewhere without a result, if it has hardly begun",
+        Word.CLAIM: "claim the game if an opponent elsewhere has left it",
         Word.SIDE: "change sides: the engine plays for you, and you for it",
         Word.NEW: "give up this game and play another, as before or for instance 'new black elo 1500 clock 10+5'",
         Word.KEEP: "continue with the board as it stands: another game begins from what the camera sees",
@@ -118,15 +124,19 @@ class CommandError(UserError):
     """What was typed means nothing here; says what would."""
 
 
-def parse_command(text: str, board: chess.Board) -> Command:
-    """Understand a line as typed in a position, in which a move must be legal.
+def parse_command(
+    text: str, board: chess.Board, refusal: Callable[[str], str | None] = lambda _: None
+) -> Command:  # fmt: skip
+    """Understand a line as typed in a position, in which a move must be legal; ``refusal`` says why it cannot be had.
 
     Raises:
-        CommandError: it is neither a word nor a legal move.
+        CommandError: it is neither a word nor a legal move, or is refused.
     """
     words = text.strip().split()
     if not words:
         raise CommandError("type a move such as e4 or e2e4, or 'help'")
+    if (why := refusal(text)) is not None:
+        raise CommandError(why)
     first = words[0].lower()
     if first == "hand":
         return parse_hand(words[1:])

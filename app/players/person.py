@@ -67,6 +67,7 @@ class Human:
         adviser: says something of each of their moves; None: nobody does.
         both: two people share the board: both sides are played by hand.
         require: raises a UserError or an EngineProblem where there cannot be such a game as they wish for.
+        refusal: why what they have said cannot be had in this game, a sentence; None: it can.
     """
 
     colour: chess.Color
@@ -75,3 +76,4 @@ class Human:
     require: Callable[[NewGame], None] = lambda _: None
     adviser: Adviser | None = None
     both: bool = False
+    refusal: Callable[[str], str | None] = lambda _: None

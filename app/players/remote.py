@@ -12,12 +12,12 @@ from typing import Protocol
 
 import chess
 
-from app.execution.state import GameEnd
+from app.players.ending import GameEnd
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteMove:
-    """They have moved.
+    """They have moved; or the game has a move of ours that was never made on the table here.
 
     Attributes:
         ply: its number from the game's first one, from 0; so that none is made twice, or left out.
@@ -46,11 +46,13 @@ class Offered:
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class OfferAnswered:
     """They have answered what was proposed to them, or withdrawn what they had proposed."""
 
     what: Offer
     accepted: bool
+    withdrawn: bool = False
+    """It was theirs, and stands no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +63,17 @@ class TakenBack:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
-    """The game is over, or goes no further, for whichever reason."""
+class GameOver:
+    """The game is over, or goes no further, for whichever reason; it is also said where the rules have ended it.
+
+    Attributes:
+        end: how.
+        plies: the game has so many: what stands here beyond them came too late, and is taken back; None: as many as
+            stand here.
+    """
 
     end: GameEnd
+    plies: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +83,11 @@ class Notice:
     sentence: str
 
 
-RemoteEvent = RemoteMove | Offered | Answered | TakenBack | Ended | Notice
+RemoteEvent = RemoteMove | Offered | OfferAnswered | TakenBack | GameOver | Notice
 
 
 @dataclass(frozen=True, slots=True)
-class RemoteClock:
+class OpponentClock:
     """The clock that counts, as far as it is known here.
 
     Attributes:
@@ -86,12 +95,16 @@ class RemoteClock:
         black_left: the same [s].
         running: whose time runs; None: nobody's.
         at: monotonic wall time [s].
+        increment: added to a side's time with each of its moves [s].
+        latency: until a move is known where the clock is kept [s].
     """
 
     white_left: float
     black_left: float
     running: chess.Color | None
     at: float
+    increment: float = 0.0
+    latency: float = 0.0
 
     def left(self, colour: chess.Color, now: float) -> float:
         """What a side has at a monotonic instant, never below 0 [s]."""
@@ -99,11 +112,26 @@ class RemoteClock:
         return max(0.0, has - (max(0.0, now - self.at) if self.running is colour else 0.0))
 
 
+@dataclass(frozen=True, slots=True)
+class RemoteListing:
+    """What the record says of the game, besides the opponent.
+
+    Attributes:
+        here: name of who plays at this table; None: as of a game that is played here alone.
+        site: where it is played, as PGN's tag.
+        time_control: as in PGN; None: without a clock.
+    """
+
+    here: str | None = None
+    site: str = "?"
+    time_control: str | None = None
+
+
 class RemoteOpponent(Protocol):
     """The opponent of a game that is played here and somewhere else. Calls return at once, but for ``next``.
 
-    What is told while the connection is cut is sent when it is back; what the other end refuses arrives as ``Ended`` or
-    a ``Notice``.
+    What is told while the connection is cut is sent when it is back; what the other end refuses arrives as ``GameOver``
+    or a ``Notice``.
     """
 
     @property
@@ -114,6 +142,10 @@ class RemoteOpponent(Protocol):
     def colour(self) -> chess.Color:
         """Theirs."""
 
+    @property
+    def listing(self) -> RemoteListing:
+        """For the record."""
+
     def next(self, timeout: float) -> RemoteEvent | None:
         """The next event, waiting for it at most so long [s, wall]; None: there was none."""
 
@@ -121,7 +153,7 @@ class RemoteOpponent(Protocol):
         """Our move of a ply was made, or decided on: as early as it cannot be changed any more."""
 
     def stands(self, board: chess.Board) -> None:
-        """A ply, or a take-back, has been carried out on the table here, and this is what stands on it."""
+        """Know what stands on the table here: told at the beginning, and after each ply or take-back carried out."""
 
     def offer(self, what: Offer) -> None:
         """Propose something; or accept it, where they have proposed the same."""
@@ -135,8 +167,11 @@ class RemoteOpponent(Protocol):
     def abort(self) -> None:
         """End the game without a result, where the rules allow it; otherwise they say so."""
 
+    def claim(self) -> None:
+        """Claim the game that they have left, where the rules allow it; otherwise they say so."""
+
     def mending(self, busy: bool) -> None:
         """The table here must be put right, or has been: the clocks should stand meanwhile, where that can be."""
 
-    def clock(self) -> RemoteClock | None:
+    def clock(self) -> OpponentClock | None:
         """The clock that counts; None: the game is played without."""

@@ -18,12 +18,12 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from app.pieces.inventory import Inventory, MoveKind, Ply, Stage, Transfer
 from app.pieces.layout import colour_of
+from app.players.ending import Result
 from app.records.files import RecordError, whole_lines
 from hardware.frozen import Frozen
 from hardware.piece_set import Colour, Kind
 
 Pace = Literal["real", "fast"]
-Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 By = Literal["arm", "hand"]
 RepairedBy = Literal["arm", "person"]
 
@@ -86,8 +86,9 @@ class StartEvent(_Stamped):
     black: str
     seed: int
     pace: Pace
+    site: str = "?"
     time_control: str | None = None
-    """As in PGN; null: played without a clock."""
+    """As in PGN, and so is the site; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
 
 
@@ -310,7 +311,7 @@ def start_event(
     """The first event of a record: who plays, from which position, and what stands where."""
     return StartEvent(
         wall_time=wall_time, plant_time=plant_time, ply=0, fen=board.fen(), chess960=board.chess960, white=setup.white,
-        black=setup.black, seed=setup.seed, pace=setup.pace, time_control=setup.time_control,
+        black=setup.black, seed=setup.seed, pace=setup.pace, site=setup.site, time_control=setup.time_control,
         inventory=piece_records(inventory),
     )  # fmt: skip
 

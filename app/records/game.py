@@ -13,6 +13,7 @@ import chess.engine
 from pydantic import JsonValue
 
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
+from app.players.ending import Result
 from app.records.events import (
     AnyEvent,
     EndEvent,
@@ -22,7 +23,6 @@ from app.records.events import (
     PlyOutcome,
     Purpose,
     RepairedBy,
-    Result,
     ResumeEvent,
     SideEvent,
     StartEvent,
@@ -113,7 +113,7 @@ class GameRecord:
         start = start_event(now(), plant_time, setup, board, inventory)
         try:
             log.append(start.model_dump_json())
-            return cls(folder, log, _pgn(folder, start, setup.site), [start], now, inventory.table)
+            return cls(folder, log, _pgn(folder, start), [start], now, inventory.table)
         except BaseException:
             log.close()
             raise
@@ -124,7 +124,7 @@ class GameRecord:
         log = LineLog(folder / EVENTS_FILE, go_on=True)
         try:
             moves = [_pgn_move(event) for event in history.plies]
-            pgn = _pgn(folder, history.start, "?", moves)
+            pgn = _pgn(folder, history.start, moves)
             if sum(isinstance(event, SideEvent) for event in history.events) % 2:
                 pgn.change_sides()
             return cls(folder, log, pgn, history.events, now, history.inventory.table)
@@ -333,10 +333,10 @@ class GameRecord:
         self._state.take(event)
 
 
-def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = ()) -> PgnFile:
+def _pgn(folder: Path, start: StartEvent, moves: Sequence[PgnMove] = ()) -> PgnFile:
     return PgnFile(
         folder / PGN_FILE, chess.Board(start.fen, chess960=start.chess960), white=start.white, black=start.black,
-        site=site, date=start.wall_time, moves=moves, time_control=start.time_control,
+        site=start.site, date=start.wall_time, moves=moves, time_control=start.time_control,
     )  # fmt: skip
 
 

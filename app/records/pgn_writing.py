@@ -11,7 +11,7 @@ import chess
 import chess.engine
 import chess.pgn
 
-from app.records.events import Result
+from app.players.ending import Result
 from app.records.files import write_atomically
 
 EVENT = "Touchmove"

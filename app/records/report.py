@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from app.pieces.inventory import MoveKind
+from app.players.ending import Result
 from app.records.events import (
     AnyEvent,
     EndEvent,
@@ -15,7 +16,6 @@ from app.records.events import (
     PlyEvent,
     Record,
     RepairedBy,
-    Result,
     StartEvent,
     TaskDoneEvent,
     TroubleEvent,

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel
 
-from app.settings.tree import SIMULATED, Settings
+from app.settings.tree import SIMULATED, OnlineUse, Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,8 @@ _STANDS: Final = Need(
     "a position that is set up, or that a simulation begins from (with --from-board)",
     lambda settings: settings.game.plies == 0 or (settings.game.from_board and settings.rig.name == SIMULATED),
 )
+_BOT: Final = Need("an engine that plays (--bot)", lambda settings: settings.online.use is OnlineUse.BOT)
+_NO_WAITING: Final = Need("challenging somebody (without --accept)", lambda settings: not settings.online.accept)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,15 @@ _ALL: Final = (
     SettingOption("clock.time", "--clock", (_ENGINES,)),
     SettingOption("vision.verify", "--verify"),
     SettingOption("vision.guard", "--guard"),
+    SettingOption("online.server", "--server"),
+    SettingOption("online.token_file", "--token-file"),
+    SettingOption("online.opponent", "--opponent", (_NO_WAITING,)),
+    SettingOption("online.accept", "--accept"),
+    SettingOption("online.days", "--days"),
+    SettingOption("online.rated", "--rated"),
+    SettingOption("online.take_backs", "--take-backs", (_BOT,)),
+    SettingOption("online.arm_seconds", "--arm-seconds"),
+    SettingOption("online.game", "--game-id"),
     SettingOption("terminal.speak", "--speak"),
     SettingOption("page.on", "--page"),
     SettingOption("page.port", "--page-port", (_SHOWN,)),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
@@ -244,6 +244,44 @@ class VisionSection(_Section):
     names, if any; a simulation is believed to be as specified."""
 
 
+class OnlineUse(StrEnum):
+    """Who plays on Lichess."""
+
+    PERSON = "person"
+    """The person at the board plays people, without any help."""
+    BOT = "bot"
+    """The engine plays whoever challenges it."""
+
+
+class OnlineSection(_Section):
+    """``[online]``: games on Lichess, by 'touchmove online'."""
+
+    use: OnlineUse | None = None
+    """person: whoever sits at the board plays people, and no engine runs; bot: the engine plays. If left out: the games
+    are not played on Lichess."""
+    server: Annotated[str, Field(max_length=200)] = "https://lichess.org"
+    """Address of the server: Lichess, or one of your own."""
+    token_file: Path | None = None
+    """File with the account's token, mode 0600; if left out, the keyring has it. Only the file's name is recorded."""
+    opponent: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{2,30}$")] | None = None
+    """Challenge this player; if left out, a person is paired with anybody, and a bot waits for challenges."""
+    accept: bool = False
+    """Wait for a challenge instead of looking for somebody."""
+    days: Literal[1, 2, 3, 5, 7, 10, 14] | None = None
+    """Days per move of a correspondence game; else the clock's time control holds."""
+    color: Colour | None = None
+    """Colour to ask for; if left out, either."""
+    rated: bool = False
+    """Play for rating points."""
+    take_backs: bool = True
+    """Whether the engine agrees when its opponent wants to take a move back. A person is asked."""
+    arm_seconds: Annotated[float, Field(ge=0.0, le=600.0)] | None = None
+    """Mean time the arm needs for a ply [s], to tell which time controls it can keep. If left out: 2 s, without an arm
+    none."""
+    game: Annotated[str, Field(pattern=r"^[A-Za-z0-9]{8}$")] | None = None
+    """Go on with this game of the account, by its id, instead of beginning one."""
+
+
 class TerminalSection(_Section):
     """``[terminal]``: what is shown and said there."""
 
@@ -277,6 +315,7 @@ class Settings(_Section):
     black: SideSection = SideSection()
     clock: ClockSection = ClockSection()
     vision: VisionSection = VisionSection()
+    online: OnlineSection = OnlineSection()
     terminal: TerminalSection = TerminalSection()
     page: PageSection = PageSection()
     out: Path | None = None

@@ -186,9 +186,13 @@ class GameFold:
         return None if found is None else found[0]
 
     def _between_people(self) -> bool:
-        return self._names[Colour.WHITE] == self._names[Colour.BLACK] == PERSON
+        """Nor is anybody helped in a game that is played at a server, which has a site."""
+        elsewhere = self._start.site != NOWHERE
+        return elsewhere or self._names[Colour.WHITE] == self._names[Colour.BLACK] == PERSON
 
 
+NOWHERE: Final = "?"
+"""The site of a game that is played at this table alone."""
 PERSON: Final = "Human"
 """A person's name in a record, where they gave none."""
 
