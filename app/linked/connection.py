@@ -35,6 +35,8 @@ RETRIES: Final = (0.2, 0.5, 1.0, 2.0, 5.0)
 """The guest waits so long before it tries again; the last one from then on [s, wall]."""
 FAREWELL: Final = 1.0
 """Longer than this TLS's is not waited for [s, wall]."""
+_TOLD: Final = 2
+"""After so many tries people hear that nobody answers."""
 _TURNS: Final = 5
 """Of the loop, in which what is closed is closed down to its socket."""
 LEAVE: Final = 3.0
@@ -263,7 +265,7 @@ class HostThread(LinkThread):
             await asyncio.sleep(PENALTY)
         except (LinkBroken, OSError, TimeoutError):
             pass  # whoever that was
-        except LinkError as error:  # the files here
+        except (LinkError, RecordError) as error:  # the files here
             self._peer.fail(str(error))
         finally:
             if met is None and writer is not None:
@@ -306,16 +308,18 @@ class GuestThread(LinkThread):
     async def _work(self) -> None:
         tries = 0
         while not self._closing.is_set():
+            since = self._loop.time()
             try:
                 await self._join()
-                tries = 0
+                if self._loop.time() - since > INTRODUCTION:  # not one that the other robot ends at once
+                    tries = 0
             except LinkRefused as error:
                 if not self._met:
                     raise
                 self._peer.note(str(error))
                 tries = len(RETRIES) - 1
             except (OSError, TimeoutError, LinkBroken) as error:
-                if tries == 2:
+                if tries == _TOLD:
                     self._peer.note(f"no robot answers at {self._address} ({_reason(error)}): it is tried again")
             await asyncio.sleep(RETRIES[min(tries, len(RETRIES) - 1)])
             tries += 1

@@ -52,11 +52,9 @@ class Shown(UserInterface):
 class Person(Shown):
     """Answers whenever they are asked: ``UserInterface`` and ``Lines`` in one."""
 
-    accompanied = False
-
-    def __init__(self, *lines: str) -> None:
+    def __init__(self, *lines: str, accompanied: bool = False) -> None:
         super().__init__()
-        self._lines, self._asked = list(lines), False
+        self._lines, self._asked, self.accompanied = list(lines), False, accompanied
 
     def prompt(self, *_: object, **__: object) -> None:
         self._asked = True
@@ -169,6 +167,22 @@ def test_people_at_both_tables_agree_on_a_draw_and_the_guest_plays_the_other_col
     assert (game_of(tmp_path / "guest").headers["White"], game_of(tmp_path / "guest").headers["Black"]) == (
         "Human", "Ada",
     )  # fmt: skip
+
+
+def test_a_rematch_is_played_with_the_colours_changed_and_an_engine_agrees_to_one(tmp_path: Path) -> None:
+    port = free_port()
+    person = Person("Ke4", "resign", "new", "resign", "quit", accompanied=True)
+    host = start(
+        settings(tmp_path, "host", port, game__fen=ENDING, link__person=True, link__name="Ada"), person
+    )  # fmt: skip
+    guest = start(settings(tmp_path, "guest", port, engine__nodes=50))
+    results = [playing.end() for playing in (host, guest)]
+    assert [result.report.result for result in results] == ["1-0", "1-0"]
+    for role in ("host", "guest"):
+        first, second = game_of(tmp_path / role), game_of(tmp_path / role / "game-2")
+        assert (first.headers["White"], first.headers["Result"]) == ("Ada", "0-1")
+        assert (second.headers["Black"], second.headers["Result"]) == ("Ada", "1-0")
+    alike(tmp_path)
 
 
 def test_the_secret_is_in_no_file_and_nothing_that_is_said(tmp_path: Path) -> None:
