@@ -41,8 +41,8 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "measure", "page", "campaign", "online", "dataset", "play", "practice", "game", "execution", "guard",
-        "commissioning", "rig", "terminal", "settings", "report", "analysis", "records",
+        "cli", "measure", "page", "campaign", "online", "linked", "dataset", "play", "practice", "game", "execution",
+        "guard", "commissioning", "rig", "terminal", "settings", "report", "analysis", "records",
         "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
@@ -312,6 +312,7 @@ def test_a_default_stands_in_one_place() -> None:
 LOAD_LATE = {
     "app.cli": "the help must be quick",
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",
+    "app.linked.identity": "what makes certificates is an extra",
     "app.motion": "the same",
     "app.page.recorded.maker": "makes one thing, with what that alone needs: a record is shown a second sooner",
     "app.play": "opens devices, films and looks, where it does",

@@ -18,6 +18,7 @@ from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
 from app.cli.ending import fail
 from app.cli.games import demo, play, replay, resume, setup, show_config
+from app.cli.linked import host, join
 from app.cli.measuring import bench, figures, vision
 from app.cli.online import online
 from app.cli.page import page
@@ -58,11 +59,11 @@ app = typer.Typer(
     help="A delta robot plays chess, in simulation or in the lab.",
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
-    "play": play, "online": online, "demo": demo, "replay": replay, "setup": setup, "resume": resume,
-    "report": report, "film": film, "analyse": analyse, "puzzle": puzzle, "dataset": dataset, "page": page,
-    "config": show_config, "controller": controller, "world": world, "check": check, "commission": commission,
-    "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision, "figures": figures,
-    "bench": bench,
+    "play": play, "online": online, "host": host, "join": join, "demo": demo, "replay": replay, "setup": setup,
+    "resume": resume, "report": report, "film": film, "analyse": analyse, "puzzle": puzzle, "dataset": dataset,
+    "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
+    "commission": commission, "calibrate": calibrate, "identify": identify, "link-test": link_test, "vision": vision,
+    "figures": figures, "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

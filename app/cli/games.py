@@ -231,6 +231,17 @@ def resume(
             fail("a game on Lichess goes on from its own position alone: leave --from-board out")
         require_extra()
         from app.online.launch import resume_online as go_on
+    if settings.link.role is not None:
+        from app.cli.linked import secret_or_end
+        from app.linked.games import resume_linked_games
+
+        if from_board:
+            fail("a game of two robots goes on from what both have recorded: leave --from-board out")
+        secret = secret_or_end(settings.link)
+
+        def go_on(folder: Path, ui: UserInterface, lines: Lines) -> SessionResult:
+            return resume_linked_games(folder, ui, lines, secret)
+
     show_game(
         "resume", lambda ui, lines: go_on(folder, ui, lines), settings, page_ahead, headless=headless, as_json=as_json,
         awaited=page is True,

@@ -59,6 +59,7 @@ class Recovery:
         record: of the game.
         ui: shown what happens.
         clock: of the plant.
+        mending: told when something has to be put right, and when all is right again.
     """
 
     def __init__(
@@ -69,10 +70,11 @@ class Recovery:
         record: GameRecord,
         ui: UserInterface,
         clock: Clock,
+        mending: Callable[[bool], None] = lambda _: None,
     ) -> None:
         self.observer = observer
         self._carrier, self._asker = carrier, asker
-        self._record, self._ui, self._clock = record, ui, clock
+        self._record, self._ui, self._clock, self._mending = record, ui, clock, mending
         self._tried = Counter[str]()
         """How often a piece could not be stood up."""
         self._stood_up: set[str] = set()
@@ -115,11 +117,20 @@ class Recovery:
         Raises:
             UserError: a person is needed, and nobody is there; or it cannot be put right.
         """
-        rounds, duration, self._asked = 0, 0.0, 0
+        self._asked = 0
         self._stood_up.clear()
         self._straightened.clear()
         self._clearing.begin()
         self._tried.clear()
+        try:
+            return self._mend(stands, wanted, board, reply)
+        finally:
+            self._mending(False)
+
+    def _mend(
+        self, stands: Inventory, wanted: Inventory, board: chess.Board | None, reply: AwaitedReply | None
+    ) -> RecoveryResult:
+        rounds, duration = 0, 0.0
         while True:
             faults, step = self._decide(stands, wanted, board)
             if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
@@ -127,6 +138,7 @@ class Recovery:
             if step is None:
                 self._lost.clear()
                 return RecoveryResult(stands, rounds, duration)
+            self._mending(True)
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took

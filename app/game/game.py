@@ -147,7 +147,8 @@ class Game:
             return end
         if decision.resigns:
             return remote.resign()
-        assert decision.move is not None, "an engine has a move as long as the rules have one"
+        if decision.move is None:
+            return GameEnd("*", "end of the given line", True)
         remote.tell(decision.move, offers_draw=decision.offers_draw)
         end = self._make(decision, decision.move)
         remote.stands()

@@ -81,6 +81,7 @@ class RemoteTurn:
         self._opponent, self._table, self._players = opponent, table, players
         self._timing, self._ui, self._lines = timing, ui, lines
         self._answers = answers
+        self._running: chess.Color | None = None
         self._offered = dict[Offer, Offered]()
         self.spoken = 0
         """So many sentences were said: whoever asks something meanwhile asks again."""
@@ -141,9 +142,18 @@ class RemoteTurn:
                 return end
             if len(self._table.board.move_stack) != done:
                 break
+            self._show_clock()
             if (line := self._line()) is not None and (end := self._hear(line)) is not None:
                 return end
         return None
+
+    def _show_clock(self) -> None:
+        """Where somebody's time has begun or ceased to run: their table shows a position later than this one."""
+        clock = self._opponent.clock()
+        running = None if clock is None else clock.running
+        if running is not self._running:
+            self._running = running
+            self._timing.show()
 
     def _line(self) -> str | None:
         try:

@@ -232,7 +232,8 @@ class Match:
             human = replace(human, colour=side is Colour.WHITE)
         if human is not None and human.hands is not None:
             human = replace(human, hands=SettledHands(human.hands, devices.arm))
-        table = self._table = self._table_setup.table(devices, record, position, self._ui, human)
+        told = () if self._opponent is None else (self._opponent.mending,)
+        table = self._table = self._table_setup.table(devices, record, position, self._ui, human, *told)
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)

@@ -64,20 +64,22 @@ class RemoteSeries:
         human: who plays here; None: an engine does.
         players: makes the engine that plays here, whichever colour it will have; nobody where a person plays.
         seat: told the colour of the person who plays here, once it is known.
+        plies: each game ends after so many in any case.
     """
 
     def __init__(
         self, source: OpponentSource, board: chess.Board, human: Human | None,
         players: Callable[[ExitStack], Players], seat: Callable[[Colour], None] = lambda _: None,
+        plies: int = ENDLESS,
     ) -> None:  # fmt: skip
         self._source, self._board, self._human, self._players = source, board, human, players
-        self._seat = seat
+        self._seat, self._plies = seat, plies
 
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
         """See ``Fixtures``."""
         if last is not None and not self._source.again(last):
             return None
-        return Fixture(self._board.copy(), self._players, ENDLESS, self._human, opponent=self._find)
+        return Fixture(self._board.copy(), self._players, self._plies, self._human, opponent=self._find)
 
     def _find(self) -> RemoteOpponent | None:
         opponent = self._source.find()

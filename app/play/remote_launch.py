@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -42,8 +43,9 @@ from app.terminal.interface import UserInterface
 
 
 def run_remote_games(
-    settings: Settings, ui: UserInterface, lines: Lines, source: OpponentSource, ahead: RigAhead | None = None
-) -> SessionResult:
+    settings: Settings, ui: UserInterface, lines: Lines, source: OpponentSource, ahead: RigAhead | None = None, *,
+    plies: int = ENDLESS, players: Callable[[ExitStack], Players] | None = None,
+) -> SessionResult:  # fmt: skip
     """Play against opponents who sit somewhere else: a person here, if one plays, else the engine of White's settings.
 
     Args:
@@ -52,6 +54,8 @@ def run_remote_games(
         lines: what is said here.
         source: of opponents.
         ahead: as of ``run_games``.
+        plies: each game ends after so many in any case.
+        players: makes whoever plays here, where no person does; None: the engine.
 
     Raises:
         UserError: as ``run_games``, or no opponent was found.
@@ -65,7 +69,9 @@ def run_remote_games(
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui, start_fen(settings))
-        match, board = _remote_match(settings, rig_setup, folder, ui, lines, human, source, stack)
+        match, board = _remote_match(
+            settings, rig_setup, folder, ui, lines, human, source, stack, plies, players
+        )  # fmt: skip
         make_folder(folder)
         keep_settings(folder, settings)
 
@@ -80,8 +86,13 @@ def run_remote_games(
         )  # fmt: skip
 
 
-def resume_remote_games(folder: Path, ui: UserInterface, lines: Lines, source: OpponentSource) -> SessionResult:
-    """Go on with a game against somebody elsewhere, whom ``source`` finds again; raises as ``resume_games``."""
+def resume_remote_games(
+    folder: Path, ui: UserInterface, lines: Lines, source: OpponentSource, *, plies: int = ENDLESS,
+    players: Callable[[ExitStack], Players] | None = None,
+) -> SessionResult:  # fmt: skip
+    """Go on with a game against somebody elsewhere, whom ``source`` finds again; arguments as of ``run_remote_games``,
+    raises as ``resume_games``.
+    """
     folder = match_of(folder)
     settings = decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
@@ -90,13 +101,13 @@ def resume_remote_games(folder: Path, ui: UserInterface, lines: Lines, source: O
     position = Position.of(history)
     if settings.rig.name == BOARD:
         position = position.from_the_start()
-    if not sets_up and is_over(history, ENDLESS):
+    if not sets_up and is_over(history, plies):
         raise UserError(f"the game in {path} is over after {len(history.plies)} plies: start a new one")
     ui = SeatedInterface(ui)
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui)
-        match, _ = _remote_match(settings, rig_setup, folder, ui, lines, human, source, stack)
+        match, _ = _remote_match(settings, rig_setup, folder, ui, lines, human, source, stack, plies, players)
         start = Start(number, sets_up, GameRecord.go_on(path, history), position)
         require_world(rig_setup, folder, history)
         return run_session(
@@ -108,17 +119,19 @@ def resume_remote_games(folder: Path, ui: UserInterface, lines: Lines, source: O
 
 def _remote_match(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: SeatedInterface, lines: Lines, human: Human | None,
-    source: OpponentSource, stack: ExitStack,
+    source: OpponentSource, stack: ExitStack, plies: int, chosen: Callable[[ExitStack], Players] | None,
 ) -> tuple[Match, chess.Board]:  # fmt: skip
     """Games against opponents elsewhere, and where they begin."""
     board = start_board(settings.game.fen, chess960=settings.game.chess960)
 
     def players(stack: ExitStack) -> Players:
+        if chosen is not None and human is None:
+            return chosen(stack)
         return stack.enter_context(
             Players(None, None) if human is not None else engine_of_both(settings, stack, ui, rig_setup.pace)
         )
 
-    series = RemoteSeries(source, board, human, players, ui.seat)
+    series = RemoteSeries(source, board, human, players, ui.seat, plies)
     table_setup = table_setup_of(settings, rig_setup, human, lines)
     match = Match(folder, series, table_setup, ui, settings.rig.seed, rig_setup.pace)
     return stack.enter_context(match), board

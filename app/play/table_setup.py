@@ -45,8 +45,9 @@ class TableSetup:
     lines: Lines | None = None
 
     def table(
-        self, devices: Devices, record: GameRecord, position: Position, ui: UserInterface, human: Human | None
-    ) -> Table:
+        self, devices: Devices, record: GameRecord, position: Position, ui: UserInterface, human: Human | None,
+        mending: Callable[[bool], None] = lambda _: None,
+    ) -> Table:  # fmt: skip
         """For one game or setting up.
 
         Args:
@@ -55,7 +56,7 @@ class TableSetup:
             position: where it stands.
             ui: shown what happens.
             human: who can be asked to put something right; None: nobody.
-
+            mending: told when the board must be put right, and when it has been.
         """
         record.robot(self.parameters, None if devices.camera is None else self.camera())
         attendant: Attendant = UnattendedAttendant(self.lines, ui)
@@ -70,7 +71,7 @@ class TableSetup:
 
             observer = self.observer(devices, position.inventory.table, ui)
             asker = UnattendedAsker() if human is None else PersonAsker(human, ui)
-            recovery = Recovery(observer, carrier, asker, record, ui, devices.clock)
+            recovery = Recovery(observer, carrier, asker, record, ui, devices.clock, mending)
         return Table(position, devices, carrier, recovery, record, ui)
 
     def observer(self, devices: Devices, table: TableSettings, ui: UserInterface) -> GameObserver:

@@ -53,6 +53,20 @@ class Odds(StrEnum):
     QUEEN = "queen"
 
 
+class LinkRole(StrEnum):
+    """Which of two robots that play one game: the other end follows from it."""
+
+    HOST = "host"
+    """Says what is played, and waits for the other one."""
+    GUEST = "guest"
+    """Joins it."""
+
+    @property
+    def other(self) -> LinkRole:
+        """The other one."""
+        return LinkRole.GUEST if self is LinkRole.HOST else LinkRole.HOST
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -304,6 +318,31 @@ class PageSection(_Section):
     """Address that the browser shows if a proxy stands in front of the page, such as https://robot.example."""
 
 
+class LinkSection(_Section):
+    """``[link]``: the other robot, in a game of two robots."""
+
+    role: LinkRole | None = None
+    """host or guest; left out: the game is played at this table alone. 'touchmove host' and 'touchmove join' set it."""
+    host: str | None = None
+    """Name or address of the host's computer, for a guest."""
+    listen: IPv4 = LOOPBACK
+    """IPv4 address at which a host waits for its guest: 0.0.0.0 for any computer that reaches this one."""
+    port: Annotated[int, Field(ge=1, le=65535)] = 8065
+    """TCP port of the host."""
+    secret: Path | None = None
+    """File with the secret that both robots share, one line that only its owner can read. If left out, it is asked for
+    at the terminal."""
+    identity: Path | None = None
+    """Folder of this robot's key and certificate, which are made at first use. If left out, in the user's
+    configuration."""
+    color: Colour = Colour.WHITE
+    """The host's pieces in the first game."""
+    person: bool = False
+    """A person plays at this table; otherwise an engine does."""
+    name: Annotated[str, Field(max_length=60)] | None = None
+    """Who plays here, for the records of both; if left out, as in other games."""
+
+
 class Settings(_Section):
     """Everything."""
 
@@ -318,6 +357,7 @@ class Settings(_Section):
     online: OnlineSection = OnlineSection()
     terminal: TerminalSection = TerminalSection()
     page: PageSection = PageSection()
+    link: LinkSection = LinkSection()
     out: Path | None = None
     """Folder of the record; if left out, games/<time>."""
 
