@@ -40,6 +40,9 @@ from hardware.table import TableSettings
 _NO_TORQUE = (0.0, 0.0, 0.0)
 _MOST_PIECES: Final = 16
 """Of what can wait, after so many ticks that were missed; each takes some 50 µs."""
+FIRST_CLIENT: Final = 120.0
+"""A controller that ends without clients waits at least so long for its first one [s, wall]: the first time, a program
+compiles for half a minute before it asks, on a busy machine for longer."""
 Ready = Callable[[str, int], None]
 """Told address and UDP port of a controller that clients are welcome at."""
 
@@ -144,7 +147,9 @@ class Server:
             self.supervisor, self._endpoint, self._flight, self.clock, settings, lockstep=bus.lockstep
         )
         self._booted, self._tell_ready = False, ready
-        self._alone_since = 0.0
+        self._alone_since, self._linger = 0.0, settings.linger
+        if not settings.stays:
+            self._linger = max(settings.linger, FIRST_CLIENT)
         self._tick, self._answered = -1, 0.0
 
     def run(self) -> None:
@@ -246,10 +251,12 @@ class Server:
         if endpoint.expire(now):
             self._alone_since = now
             supervisor.machine.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), endpoint.lease))
+        if endpoint.leased:
+            self._linger = self._settings.linger
         alone = 0.0 if endpoint.leased else now - self._alone_since
-        if self.ending or (alone > self._settings.linger and not self._settings.stays):
+        if self.ending or (alone > self._linger and not self._settings.stays):
             supervisor.machine.retire()
-        elif alone > self._settings.linger:
+        elif alone > self._linger:
             supervisor.machine.park(alone)
 
     def _ready(self) -> bool:

@@ -289,7 +289,7 @@ def test_a_second_client_is_told_who_holds_the_lease(launch: Launch, line: Line)
         assert first.execute(line(HOME, AWAY, 400)).result is Result.DONE
 
 
-@pytest.mark.parametrize("lockstep", [True, False])
+@pytest.mark.parametrize("lockstep", [True, pytest.param(False, marks=pytest.mark.real_time)])
 def test_a_lost_client_lets_the_arm_rest_and_another_one_goes_on(
     launch: Launch, fake_bus: FakeBusFactory, line: Line, until: Until, lockstep: bool
 ) -> None:
@@ -323,6 +323,15 @@ def test_without_a_client_it_lingers_and_ends_on_its_brakes(launch: Launch, line
     assert time.monotonic() - began > 0.5
     assert running.bus.last.brake
     assert not running.bus.rate.any()
+
+
+def test_its_first_client_is_waited_for_longer_than_another_one(launch: Launch) -> None:
+    running = launch(lease=0.5, linger=0.2)
+    time.sleep(1.0)
+    assert running.status is None
+    with running.client():
+        pass
+    assert running.join() == 0
 
 
 def test_a_new_client_keeps_it_from_ending(launch: Launch) -> None:
