@@ -135,7 +135,7 @@ def _audience(
             from app.terminal.speaker import Speaker
 
             try:
-                terminal = Together(terminal, stack.enter_context(Speaker()))
+                terminal = Together(terminal, stack.enter_context(Speaker(settings.terminal.voice)))
             except UserError as error:
                 fail(str(error))
         typed = sys.stdin if talks else None

@@ -74,6 +74,7 @@ def online(
     verify: options.Verify = None,
     guard: options.Guard = None,
     speak: options.Speak = False,
+    voice: options.SpeakingVoice = "english",
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,

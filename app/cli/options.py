@@ -135,6 +135,7 @@ Guard = Annotated[
     ),
 ]
 Speak = Annotated[bool, typer.Option("--speak", help="Speak moves and requests aloud, with espeak-ng.")]
+SpeakingVoice = Annotated[str, typer.Option("--voice", help="The language it speaks: english or german.")]
 Page = Annotated[
     bool | None,
     typer.Option(

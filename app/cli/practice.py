@@ -29,6 +29,7 @@ def puzzle(
     ideal: options.Ideal = False,
     guard: options.Guard = None,
     speak: options.Speak = False,
+    voice: options.SpeakingVoice = "english",
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,

@@ -127,6 +127,7 @@ _ALL: Final = (
     SettingOption("online.arm_seconds", "--arm-seconds"),
     SettingOption("online.game", "--game-id"),
     SettingOption("terminal.speak", "--speak"),
+    SettingOption("terminal.voice", "--voice"),
     SettingOption("page.on", "--page"),
     SettingOption("page.port", "--page-port", (_SHOWN,)),
     SettingOption("out", "--out"),

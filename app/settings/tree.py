@@ -296,11 +296,20 @@ class OnlineSection(_Section):
     """Go on with this game of the account, by its id, instead of beginning one."""
 
 
+class Voice(StrEnum):
+    """A language that is spoken."""
+
+    ENGLISH = "english"
+    GERMAN = "german"
+
+
 class TerminalSection(_Section):
     """``[terminal]``: what is shown and said there."""
 
     speak: bool = False
     """Speak moves and requests aloud, with espeak-ng."""
+    voice: Voice = Voice.ENGLISH
+    """The language it speaks; german: what it has no words for stays English."""
 
 
 class PageSection(_Section):

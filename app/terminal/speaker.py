@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import queue
-import re
 import shutil
 import subprocess
 import threading
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import suppress
-from types import MappingProxyType
 from typing import Final, Self
 
 import chess
 
 from app import UserError
 from app.records import PlyEvent
+from app.settings.tree import Voice
+from app.terminal.german import MOVES, in_german
 from app.terminal.interface import UserInterface
+from app.terminal.spoken_moves import ENGLISH
 
 PROGRAM: Final = "espeak-ng"
 WAITING: Final = 3
 """Sentences that may wait for those before them; what is older then is no longer worth saying."""
 LAST_WORDS: Final = 15.0
 """At the end so long is waited for what is still to be said [s, wall]."""
-_PIECES: Final[Mapping[str, str]] = MappingProxyType(
-    {"K": "king", "Q": "queen", "R": "rook", "B": "bishop", "N": "knight"}
-)
-_SAN: Final = re.compile(r"([KQRBN]?)([a-h]?[1-8]?)(x?)([a-h][1-8])(?:=([QRBN]))?([+#]?)")
-_ENDS: Final = {"": "", "+": ", check", "#": ", checkmate"}
+_LANGUAGES: Final = {Voice.ENGLISH: "en", Voice.GERMAN: "de"}
+"""As espeak-ng calls them."""
 
 
 class SpeakerMissing(UserError):
@@ -41,18 +39,19 @@ class Speaker(UserInterface):
     """Says moves, what the person should not miss, and what they are asked. A context manager.
 
     Args:
+        voice: speaks; what it has no words for, the English one says.
         program: is given a sentence as its last argument, and returns when it was said.
 
     Raises:
         SpeakerMissing: it is not there.
     """
 
-    def __init__(self, program: str = PROGRAM) -> None:
+    def __init__(self, voice: Voice = Voice.ENGLISH, program: str = PROGRAM) -> None:
         found = shutil.which(program)
         if found is None:
             raise SpeakerMissing
-        self._program = found
-        self._sentences: queue.Queue[str | None] = queue.Queue()
+        self._program, self._voice = found, voice
+        self._sentences: queue.Queue[tuple[Voice, str] | None] = queue.Queue()
         self._saying: subprocess.Popen[bytes] | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="speaker", daemon=True)
@@ -72,7 +71,8 @@ class Speaker(UserInterface):
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """See ``UserInterface.ply``."""
-        self._say(spoken(event.san))
+        moves = MOVES if self._voice is Voice.GERMAN else ENGLISH
+        self._put(self._voice, moves.spoken(event.san))
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""
@@ -90,33 +90,23 @@ class Speaker(UserInterface):
         self._say(reason)
 
     def _say(self, sentence: str) -> None:
+        german = in_german(sentence) if self._voice is Voice.GERMAN else None
+        self._put(Voice.ENGLISH if german is None else Voice.GERMAN, german or sentence)
+
+    def _put(self, voice: Voice, sentence: str) -> None:
         with suppress(queue.Empty):  # they may have been said this moment
             while self._sentences.qsize() >= WAITING:
                 self._sentences.get_nowait()
-        self._sentences.put(sentence)
+        self._sentences.put((voice, sentence))
 
     def _run(self) -> None:
-        while (sentence := self._sentences.get()) is not None:
+        while (said := self._sentences.get()) is not None:
+            voice, sentence = said
             # a machine without loudspeaker, or an end in mid-word: the game goes on in writing
             self._saying = subprocess.Popen(
-                [self._program, "--", sentence], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
+                [self._program, "-v", _LANGUAGES[voice], "--", sentence],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
             if self._over.is_set():
                 self._saying.kill()
             self._saying.wait()
-
-
-def spoken(san: str) -> str:
-    """A move in SAN as people say it: ``Nbxd7+`` is "knight b takes d7, check"."""
-    castles = san.rstrip("+#")
-    if castles in ("O-O", "O-O-O"):
-        return f"castles {'short' if castles == 'O-O' else 'long'}{_ENDS[san[len(castles) :]]}"
-    found = _SAN.fullmatch(san)
-    if found is None:
-        raise ValueError(f"'{san}' is not a move in SAN: take it from python-chess")
-    piece, origin, takes, target, promoted, end = found.groups()
-    words = [_PIECES.get(piece, ""), origin, "takes" if takes else "", target]
-    if promoted:
-        words.append(f"becomes a {_PIECES[promoted]}")
-    return " ".join(word for word in words if word) + _ENDS[end]
