@@ -82,6 +82,19 @@ def quiet_memory() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def scheduling_kept() -> Iterator[None]:
+    """Whatever a library does in the block to the scheduling of this thread is undone at its end."""
+    if not hasattr(os, "sched_getscheduler"):
+        yield
+        return
+    policy, before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        _restore(policy, before)
+
+
+@contextlib.contextmanager
 def exact_timers() -> Iterator[None]:
     """Sleeps of this thread end on time, not up to 50 µs later to spare the processor; needs no privilege."""
     prctl = _libc("prctl")

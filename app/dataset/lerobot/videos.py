@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from app.dataset.lerobot.schema import CODEC, ENCODER, GROUP, PIXELS, PRESET, QUALITY
 from app.dataset.lerobot.shards import MIB, FilePlace
 from app.records.files import RecordError, recording
+from hardware.realtime import scheduling_kept
 
 _LONGEST: Final = 1000.0
 """Of a video [s]: LeRobot's reader compares times as numbers of 32 bits, to 0.1 ms, which from 1024 s on they do not
@@ -105,7 +106,8 @@ class VideoShards:
     def _mux(self, frame: av.VideoFrame | None) -> None:
         assert self._container is not None
         assert self._stream is not None
-        with recording(self._path):
+        # SVT-AV1 gives the thread that begins to encode SCHED_FIFO 99, where it is root's
+        with recording(self._path), scheduling_kept():
             for packet in self._stream.encode(frame):
                 self._coded += 1
                 self._bytes += packet.size

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import chess
@@ -93,6 +94,11 @@ def test_files_are_filled_up_to_a_size_and_folders_to_a_number(tmp_path: Path) -
     for index in (0, 6, 7, 18, 100, 4 * sum(LENGTHS) - 1):
         seen = many.item(index)["observation.images.camera"].astype(float)
         assert np.sqrt(((seen - picture(index)) ** 2).mean()) < 12.0, index
+
+
+def test_this_thread_is_scheduled_as_before(dataset: LeRobotReader) -> None:
+    assert dataset.root.exists()  # its videos were encoded in this thread
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
 def test_statistics_of_all_frames(dataset: LeRobotReader) -> None:

@@ -17,7 +17,7 @@ import pytest
 import hardware.realtime as realtime
 from controller.loop.realtime import set_up_real_time
 from controller.settings import ControllerSettings
-from hardware.realtime import RealTime, exact_timers, quiet_memory, real_time
+from hardware.realtime import RealTime, exact_timers, quiet_memory, real_time, scheduling_kept
 from hardware.sim.process.server import World
 
 ORDINARY = (os.SCHED_OTHER, 0)
@@ -196,6 +196,14 @@ def test_memory_to_come_is_locked_only_where_that_cannot_starve_the_process(
         pass
     assert granted.locked
     assert flags == [1 | 4 | (2 if limit == -1 else 0)]
+
+
+@pytest.mark.skipif(not may_schedule(), reason="this account gets no SCHED_FIFO")
+def test_what_a_library_does_to_this_threads_scheduling_is_undone() -> None:
+    with scheduling_kept():
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        assert present() == (os.SCHED_FIFO, 1)
+    assert present() == ORDINARY
 
 
 def test_timers_are_exact_within_the_block() -> None:

@@ -151,7 +151,7 @@ def test_the_bench_is_put_together(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loop_bench, "timed_rig", lambda seed, progress, cameras: fake("rig", rig))
     monkeypatch.setattr(loop_bench, "thinking", lambda progress: fake("thinking", None))
     durations: list[float] = []
-    monkeypatch.setattr(loop_bench, "sweep", lambda timed, arm, duration: durations.append(duration) or 0)
+    monkeypatch.setattr(loop_bench, "sweep", lambda timed, arm, duration, progress: durations.append(duration) or 0)
     counts = iter([ProcessorTime(0, 0), ProcessorTime(1000, 30)] + [None] * 2)
     monkeypatch.setattr(ProcessorTime, "now", lambda: next(counts))
     said: list[str] = []
