@@ -4,8 +4,9 @@ A range is half a width: ``board_shift = 0.002`` puts the board up to 2 mm off, 
 the parameters state. All zero, but for pieces that people put down: the world as believed.
 """
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -14,7 +15,9 @@ from pydantic import Field, NonNegativeFloat
 
 from hardware.frozen import FrozenFinite
 from hardware.parameters import OneArm, RobotParameters
+from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.bodies.placed import BoardOffset, StandingPiece
+from hardware.sim.bodies.scene import FOOT_SIDE
 from hardware.sim.plant.imperfections import PERFECT, Imperfections
 from hardware.sim.render.settings import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
@@ -141,7 +144,24 @@ def stand(
         yaw = float(rng.uniform(-ranges.yaw, ranges.yaw))
         mass, friction = (1.0 + np.array([ranges.piece_mass, ranges.friction]) * weights.uniform(-1.0, 1.0, 2)).tolist()
         standing.append(StandingPiece(spec, x + dx, y + dy, yaw, mass=mass, friction=friction))
-    return tuple(standing)
+    crossed = {piece for pair in itertools.combinations(standing, 2) if _feet_overlap(*pair) for piece in pair}
+    return tuple(replace(piece, yaw=0.0) if piece in crossed else piece for piece in standing)
+
+
+def _feet_overlap(one: StandingPiece, other: StandingPiece) -> bool:
+    """Whether the squares that stand for two round feet would cross, which pushes pieces over before a game begins.
+
+    Straight they do not, where the feet themselves do not.
+    """
+    dx, dy = other.x - one.x, other.y - one.y
+    halves = [(FOOT_SIDE * PIECE_SHAPES[piece.spec.kind].foot_radius, piece.yaw) for piece in (one, other)]
+    if math.hypot(dx, dy) > math.sqrt(2.0) * sum(half for half, _ in halves):
+        return False
+    for along in (one.yaw, one.yaw + math.pi / 2, other.yaw, other.yaw + math.pi / 2):
+        reach = sum(half * (abs(math.cos(yaw - along)) + abs(math.sin(yaw - along))) for half, yaw in halves)
+        if abs(dx * math.cos(along) + dy * math.sin(along)) > reach:
+            return False
+    return True
 
 
 def weighed(share: float, parameters: RobotParameters, rng: np.random.Generator) -> RobotParameters:
