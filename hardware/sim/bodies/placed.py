@@ -2,8 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from hardware.table import PieceSpec
+
+FOOT_SIDE: Final = 0.85
+"""Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
+average. A cylinder's points of contact wander around its rim, and a piece that rocks on them never comes to rest."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from hardware.sim.bodies.contact_stiffness import (
     give_stiffness,
 )
 from hardware.sim.bodies.mujoco_contact import Contact
-from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
+from hardware.sim.bodies.placed import AS_BELIEVED, FOOT_SIDE, BoardOffset, StandingPiece
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
 from hardware.sim.render.settings import LightSettings
@@ -36,9 +36,6 @@ from hardware.sim.render.shapes import COARSE
 from hardware.table import TableSettings
 from hardware.turned_shapes import turned_mesh
 
-FOOT_SIDE = 0.85
-"""Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
-average. A cylinder's points of contact wander around its rim, and a piece that rocks on them never comes to rest."""
 STANDARD_GRAVITY = 9.80665
 """[m/s²]"""
 SLEEP_TOLERANCE = 1e-3

@@ -16,8 +16,7 @@ from pydantic import Field, NonNegativeFloat
 from hardware.frozen import FrozenFinite
 from hardware.parameters import OneArm, RobotParameters
 from hardware.piece_set import PIECE_SHAPES
-from hardware.sim.bodies.placed import BoardOffset, StandingPiece
-from hardware.sim.bodies.scene import FOOT_SIDE
+from hardware.sim.bodies.placed import FOOT_SIDE, BoardOffset, StandingPiece
 from hardware.sim.plant.imperfections import PERFECT, Imperfections
 from hardware.sim.render.settings import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
