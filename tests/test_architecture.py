@@ -42,7 +42,7 @@ ALLOWED = {
 FLOORS = {
     "app": (
         "cli", "measure", "page", "campaign", "online", "linked", "dataset", "play", "practice", "game", "execution",
-        "guard", "commissioning", "rig", "terminal", "settings", "report", "analysis", "records",
+        "guard", "commissioning", "rig", "voice", "terminal", "settings", "report", "analysis", "records",
         "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),

@@ -9,6 +9,7 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
@@ -20,11 +21,15 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from app.page.news import Program
+    from app.page.publisher import PagePublisher
     from app.page.starting import StartedPage
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.tree import Settings
     from app.terminal.interface import UserInterface
+    from app.terminal.typed_lines import TypedLines
+    from app.voice.listener import Listener
+    from app.voice.speaker import Speaker
 
 
 def page_of_command(context: typer.Context) -> StartedPage | None:
@@ -131,31 +136,55 @@ def _audience(
                 else Terminal(console)
             )
             terminal = stack.enter_context(shown)
+        speaker: Speaker | None = None
         if settings.terminal.speak:
-            from app.terminal.speaker import Speaker
+            from app.voice.speaker import Speaker
 
             try:
-                terminal = Together(terminal, stack.enter_context(Speaker(settings.terminal.voice)))
+                speaker = stack.enter_context(Speaker(settings.terminal.voice))
             except UserError as error:
                 fail(str(error))
+            terminal = Together(terminal, speaker)
         typed = sys.stdin if talks else None
         remedy = None if awaited else "with --page the game waits for a browser"
         if page_ahead is not None and not settings.page.on:
             page_ahead.cancel()
             page_ahead = None
-        if page_ahead is None:
-            yield _Audience(terminal, TypedLines(typed, terminal.heard, remedy=remedy))
-            return
-        from app.page.publisher import PagePublisher
-        from app.page.supervisor import PageSupervisor
-        from app.records.files import GAMES
+        ui, company, publisher = terminal, _nobody_else, None
+        if page_ahead is not None:
+            from app.page.publisher import PagePublisher
 
-        publisher = PagePublisher(program)
-        ui = Together(terminal, publisher)
-        lines = TypedLines(typed, ui.heard, lambda: (awaited or publisher.used) and not publisher.given_up, remedy)
-        publisher.subscribe(lines.offer)
-        stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say, page_ahead))
-        yield _Audience(ui, lines, publisher.end)
+            publisher = PagePublisher(program)
+            ui = Together(terminal, publisher)
+            company = partial(_watched, publisher, awaited)
+        lines = TypedLines(typed, ui.heard, company, remedy)
+        if settings.terminal.microphone:
+            ui = Together(ui, stack.enter_context(_listener(lines, ui, speaker)))
+        if publisher is not None and page_ahead is not None:
+            from app.page.supervisor import PageSupervisor
+            from app.records.files import GAMES
+
+            publisher.subscribe(lines.offer)
+            stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say, page_ahead))
+        yield _Audience(ui, lines, (lambda _: None) if publisher is None else publisher.end)
+
+
+def _nobody_else() -> bool:
+    return False
+
+
+def _watched(publisher: PagePublisher, awaited: bool) -> bool:
+    return (awaited or publisher.used) and not publisher.given_up
+
+
+def _listener(lines: TypedLines, ui: UserInterface, speaker: Speaker | None) -> Listener:
+    from app import UserError
+    from app.voice.listener import Listener
+
+    try:
+        return Listener(lines.offer, ui.say, _nobody_else if speaker is None else speaker.speaks)
+    except UserError as error:
+        fail(str(error))
 
 
 def _invite(address: str) -> None:

@@ -24,43 +24,27 @@ if TYPE_CHECKING:
     from app.terminal.interface import UserInterface
 
 
+@options.shared(
+    options.RIG, options.PROCESSES, options.ENGINE, options.SIGHT, options.VOICE, options.RECORD, options.UNSEEN
+)
 def demo(
     context: typer.Context,
     plies: options.Plies = 300,
     games: options.Games = 1,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     fen: options.Fen = None,
     chess960: options.Chess960 = False,
     odds: options.Odds = None,
     moves: options.Moves = None,
     white_elo: options.WhiteElo = None,
     black_elo: options.BlackElo = None,
-    movetime: options.MoveTime = None,
-    nodes: options.Nodes = None,
     clock: options.Clock = None,
     white_clock: options.WhiteClock = None,
     black_clock: options.BlackClock = None,
-    book: options.Book = None,
     white_book: options.WhiteBook = None,
     black_book: options.BlackBook = None,
     syzygy: options.Syzygy = None,
-    engine: options.EnginePath = None,
     white_engine: options.WhiteEngine = None,
     black_engine: options.BlackEngine = None,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
-    verify: options.Verify = None,
-    guard: options.Guard = None,
-    cameras: options.Cameras = True,
     video: options.Video = True,
     video_length: options.VideoLength = 40.0,
     linger: options.Linger = 30.0,
@@ -79,16 +63,13 @@ def demo(
     show_game("demo", games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
+@options.shared(options.RIG, options.PROCESSES, options.ENGINE, options.TALK, options.RECORD)
 def play(
     context: typer.Context,
     color: Annotated[str | None, typer.Option(help="Your pieces: white (the default) or black.")] = None,
     elo: Annotated[
         int | None, typer.Option(help="Strength of the robot in Elo, from 400; full strength if not given.")
     ] = None,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
     fen: options.Fen = None,
     from_board: options.FromBoard = False,
     standing: Annotated[
@@ -103,20 +84,9 @@ def play(
         typer.Option("--two-people", help="Both sides are played by hand: the robot is arbiter and keeps the clocks."),
     ] = False,
     clock: options.Clock = None,
-    movetime: options.MoveTime = None,
-    nodes: options.Nodes = None,
-    book: options.Book = None,
     syzygy: options.Syzygy = None,
-    engine: options.EnginePath = None,
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     guard: options.Guard = None,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
     page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -140,26 +110,15 @@ def play(
     show_game("play", games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 
+@options.shared(options.RIG, options.PROCESSES, options.VOICE, options.RECORD, options.UNSEEN)
 def replay(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(help="PGN file with one or more games, or the folder of a game.")],
     game: options.ReplayGame = None,
     from_ply: options.FromPly = 1,
     plies: options.Plies = 1000,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
     headless: options.Headless = False,
     config: options.Config = None,
     as_json: options.AsJson = False,
@@ -170,22 +129,13 @@ def replay(
     show_game("replay", games_of(context, settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
+@options.shared(options.RIG, options.PROCESSES, options.RECORD, options.UNSEEN)
 def setup(
     context: typer.Context,
     fen: Annotated[str, typer.Option(help="The position to set up; 'start' is the usual one.")] = "start",
     standing: Annotated[str, typer.Option(help="The position on the board now; 'start' is the usual one.")] = "start",
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
     headless: options.Headless = False,
     config: options.Config = None,
     as_json: options.AsJson = False,

@@ -40,6 +40,7 @@ Identity = Annotated[
 ]
 
 
+@options.shared(options.RIG, options.ENGINE, options.SIGHT, options.TALK, options.RECORD, options.UNSEEN)
 def host(
     context: typer.Context,
     color: Annotated[str, typer.Option(help="The pieces of this table's player: white or black.")] = "white",
@@ -62,27 +63,7 @@ def host(
     ] = None,
     secret: Secret = None,
     identity: Identity = None,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
-    movetime: options.MoveTime = None,
-    nodes: options.Nodes = None,
-    book: options.Book = None,
-    engine: options.EnginePath = None,
-    verify: options.Verify = None,
-    guard: options.Guard = None,
-    cameras: options.Cameras = True,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
-    headless: options.Headless = False,
     config: options.Config = None,
-    as_json: options.AsJson = False,
 ) -> None:
     """Play one game on two tables: say what is played, and wait for the other robot to join."""
     if color not in ("white", "black"):
@@ -95,6 +76,7 @@ def host(
     _play(context, config, {**also, **_of_both(person, name, elo, secret, identity)})
 
 
+@options.shared(options.RIG, options.ENGINE, options.SIGHT, options.TALK, options.RECORD, options.UNSEEN)
 def join(
     context: typer.Context,
     address: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="Where the other robot waits.")],
@@ -104,27 +86,7 @@ def join(
     moves: options.Moves = None,
     secret: Secret = None,
     identity: Identity = None,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
-    movetime: options.MoveTime = None,
-    nodes: options.Nodes = None,
-    book: options.Book = None,
-    engine: options.EnginePath = None,
-    verify: options.Verify = None,
-    guard: options.Guard = None,
-    cameras: options.Cameras = True,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
-    headless: options.Headless = False,
     config: options.Config = None,
-    as_json: options.AsJson = False,
 ) -> None:
     """Join the game of another robot; each of the two tables shows all of it."""
     from app import UserError

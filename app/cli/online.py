@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from app.terminal.interface import UserInterface
 
 
+@options.shared(options.RIG, options.PROCESSES, options.TALK, options.RECORD)
 def online(
     context: typer.Context,
     person: Annotated[
@@ -66,18 +67,8 @@ def online(
     engine: Annotated[str | None, typer.Option(help="With --bot: path of a UCI engine; Stockfish by default.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     verify: options.Verify = None,
     guard: options.Guard = None,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
-    page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:

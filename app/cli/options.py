@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+import inspect
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -136,6 +139,10 @@ Guard = Annotated[
 ]
 Speak = Annotated[bool, typer.Option("--speak", help="Speak moves and requests aloud, with espeak-ng.")]
 SpeakingVoice = Annotated[str, typer.Option("--voice", help="The language it speaks: english or german.")]
+Microphone = Annotated[
+    bool,
+    typer.Option("--microphone", help="Take moves and requests that are spoken in English, such as 'computer, e4'."),
+]
 Page = Annotated[
     bool | None,
     typer.Option(
@@ -153,6 +160,54 @@ Config = Annotated[
 ]
 Headless = Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
+
+Group = Mapping[str, tuple[Any, Any]]
+"""Options that commands have in common: by parameter, what they are and their default."""
+RIG: Final[Group] = MappingProxyType({
+    "rig": (Rig, "sim"), "pace": (Pace, None), "drives": (Drives, "sim"), "profile": (Profile, None),
+    "seed": (Seed, 1), "ideal": (Ideal, False),
+})  # fmt: skip
+PROCESSES: Final[Group] = MappingProxyType({"processes": (Processes, "together")})
+SIGHT: Final[Group] = MappingProxyType({
+    "verify": (Verify, None), "guard": (Guard, None), "cameras": (Cameras, True),
+})  # fmt: skip
+ENGINE: Final[Group] = MappingProxyType({
+    "movetime": (MoveTime, None), "nodes": (Nodes, None), "book": (Book, None), "engine": (EnginePath, None),
+})  # fmt: skip
+VOICE: Final[Group] = MappingProxyType({"speak": (Speak, False), "voice": (SpeakingVoice, "english")})
+TALK: Final[Group] = MappingProxyType({**VOICE, "microphone": (Microphone, False)})
+RECORD: Final[Group] = MappingProxyType({
+    "page": (Page, None), "page_port": (PagePort, None), "out": (Out, None), "config": (Config, None),
+    "as_json": (AsJson, False),
+})  # fmt: skip
+UNSEEN: Final[Group] = MappingProxyType({"headless": (Headless, False)})
+
+
+def shared(*groups: Group, **more: tuple[Any, Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of some groups besides those of its own signature.
+
+    What it does not name itself it finds in its context, as ``settings_of_command`` does.
+    """
+    wanted = {name: option for group in (*groups, more) for name, option in group.items()}
+
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command, eval_str=True).parameters
+        others = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=what)
+            for name, (what, default) in wanted.items()
+            if name not in own
+        ]
+
+        @functools.wraps(command)
+        def called(**values: Any) -> None:
+            command(**{name: value for name, value in values.items() if name in own})
+
+        parameters = [*own.values(), *others]
+        called.__annotations__ = {one.name: one.annotation for one in parameters}
+        vars(called)["__signature__"] = inspect.Signature(parameters)
+        return called
+
+    return with_options
 
 
 def settings_of_command(context: typer.Context, file: Path | None, also: Mapping[str, Any] | None = None) -> Settings:

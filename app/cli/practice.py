@@ -12,6 +12,7 @@ from app.cli.audience import page_of_command, show_game
 from app.cli.games import games_of
 
 
+@options.shared(options.RIG, options.PROCESSES, options.TALK, options.RECORD)
 def puzzle(
     context: typer.Context,
     puzzles: Annotated[
@@ -20,19 +21,8 @@ def puzzle(
     ],
     number: Annotated[int, typer.Option(min=1, help="Begin with this puzzle of the file.")] = 1,
     games: Annotated[int, typer.Option(min=1, help="Number of puzzles; the arm sets up each of them.")] = 1,
-    rig: options.Rig = "sim",
-    pace: options.Pace = None,
-    processes: options.Processes = "together",
-    drives: options.Drives = "sim",
-    profile: options.Profile = None,
-    seed: options.Seed = 1,
-    ideal: options.Ideal = False,
     guard: options.Guard = None,
-    speak: options.Speak = False,
-    voice: options.SpeakingVoice = "english",
     page: options.Page = None,
-    page_port: options.PagePort = None,
-    out: options.Out = None,
     config: options.Config = None,
     as_json: options.AsJson = False,
 ) -> None:

@@ -128,6 +128,7 @@ _ALL: Final = (
     SettingOption("online.game", "--game-id"),
     SettingOption("terminal.speak", "--speak"),
     SettingOption("terminal.voice", "--voice"),
+    SettingOption("terminal.microphone", "--microphone"),
     SettingOption("page.on", "--page"),
     SettingOption("page.port", "--page-port", (_SHOWN,)),
     SettingOption("out", "--out"),

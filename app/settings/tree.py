@@ -310,6 +310,8 @@ class TerminalSection(_Section):
     """Speak moves and requests aloud, with espeak-ng."""
     voice: Voice = Voice.ENGLISH
     """The language it speaks; german: what it has no words for stays English."""
+    microphone: bool = False
+    """Take moves and requests that are spoken, in English, after 'computer'."""
 
 
 class PageSection(_Section):

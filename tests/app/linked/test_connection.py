@@ -134,8 +134,9 @@ def test_another_certificate_of_the_host_is_refused_before_anything_is_proved(en
 
 
 def test_another_guest_than_the_one_that_began_the_game_is_refused(ends: Ends) -> None:
-    ends.join().close("enough")
-    KnownRobots(ends.folder / "host-known.json").remember("guest", ends.identities["guest"].fingerprint)
+    thread = ends.join()
+    until(ends.met, "both know each other")
+    thread.close("enough")
     stranger = Robot(ends.folder / "stranger", GUEST, Clockwork())
     ends.guest = stranger
     ends.join("stranger")

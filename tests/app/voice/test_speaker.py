@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import app
 import vision
-from app.terminal.german import MOVES, SENTENCES, in_german
-from app.terminal.speaker import Speaker, SpeakerMissing
-from app.terminal.spoken_moves import ENGLISH
+from app.voice.german import MOVES, SENTENCES, in_german
+from app.voice.speaker import Speaker, SpeakerMissing
+from app.voice.spoken_moves import ENGLISH
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_a_slow_voice_keeps_nobody_and_says_what_is_newest(tmp_path: Path) -> No
 def test_a_voice_that_hangs_does_not_keep_the_program_from_ending(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.terminal.speaker.LAST_WORDS", 0.1)
+    monkeypatch.setattr("app.voice.speaker.LAST_WORDS", 0.1)
     voice = tmp_path / "voice"
     voice.write_text("#!/bin/sh\nexec sleep 600\n")
     voice.chmod(0o755)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from app.terminal.spoken_moves import MoveWords
+from app.voice.spoken_moves import MoveWords
 
 MOVES: Final = MoveWords(
     pieces=MappingProxyType({"K": "König", "Q": "Dame", "R": "Turm", "B": "Läufer", "N": "Springer"}),

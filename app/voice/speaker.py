@@ -15,9 +15,9 @@ import chess
 from app import UserError
 from app.records import PlyEvent
 from app.settings.tree import Voice
-from app.terminal.german import MOVES, in_german
 from app.terminal.interface import UserInterface
-from app.terminal.spoken_moves import ENGLISH
+from app.voice.german import MOVES, in_german
+from app.voice.spoken_moves import ENGLISH
 
 PROGRAM: Final = "espeak-ng"
 WAITING: Final = 3
@@ -68,6 +68,11 @@ class Speaker(UserInterface):
         if (saying := self._saying) is not None:
             saying.kill()
         self._thread.join()
+
+    def speaks(self) -> bool:
+        """Whether something is being said, or is to be said next."""
+        saying = self._saying
+        return not self._sentences.empty() or (saying is not None and saying.poll() is None)
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """See ``UserInterface.ply``."""
