@@ -39,6 +39,10 @@ NICE: Final = 15
 """Films step back behind everything else, also behind pictures of a game [steps of the scheduler's niceness]."""
 TELL_EVERY: Final = 0.5
 """How often it says how far it is [s of film]."""
+SEEN: Final = 1e-4
+"""What moves by less than this [m, rad, parts of a quaternion] looks the same: a pixel is more than a millimetre."""
+STILL_EVERY: Final = 1.0
+"""How often a picture is repeated while nothing moves [s of film]: players can jump to any of these."""
 TIME_BASE: Final = Fraction(1, 1000)
 BIT_RATE: Final = 800_000
 """Of a film of 640×480 pixels; others in proportion [bit/s]."""
@@ -120,20 +124,31 @@ def draw(wish: FilmWish) -> None:
         raise HardwareError(f"{wish.positions} is from a world with different joints: use the version that recorded it")
     period, (first, last) = file.header.period, _part(file, wish)
     drawer, view, quality = SceneDrawer(model), view_of(wish.camera), LOOK if wish.fine else FILM
-    encoder, picture = Encoder(wish.output, wish, first * period), None
-    whole, told = (last - first) * period, 0.0
+    encoder, drawn = Encoder(wish.output, wish, first * period), None
+    whole, told, seconds, shown = (last - first) * period, 0.0, 0.0, 0.0
     for frame in _seen(file, first, last):
-        if picture is None or frame.changed:
+        seconds = (frame.tick - first) * period
+        if drawn is None or not _alike(frame, drawn):
+            drawn = frame._replace(positions=frame.positions.copy())  # all frames of a file share the array
             drawer.arrange(frame.positions, None if frame.note is None else SceneState.model_validate(frame.note))
             picture = drawer.see(view, wish.width, wish.height, quality)
-        seconds = (frame.tick - first) * period
-        encoder.put((picture, seconds))
+            shown = -math.inf
+        if seconds - shown >= STILL_EVERY:
+            encoder.put((picture, seconds))
+            shown = seconds
         if seconds >= told:
             told = seconds + TELL_EVERY
             print(f"{seconds:.2f} {whole:.2f}", flush=True)
+    if seconds > shown:
+        encoder.put((picture, seconds))
     encoder.put(None)
     drawer.close()
     print(f"{whole:.2f} {whole:.2f}", flush=True)
+
+
+def _alike(frame: TrajectoryFrame, drawn: TrajectoryFrame) -> bool:
+    """Whether two frames look the same: an arm at rest trembles by micrometres, which no picture shows."""
+    return frame.note == drawn.note and bool(np.abs(frame.positions - drawn.positions).max() < SEEN)
 
 
 def _part(file: TrajectoryFile, wish: FilmWish) -> tuple[int, int]:

@@ -79,6 +79,26 @@ def test_film_shows_what_was_recorded(recorded: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]
 
 
+def test_what_rests_is_drawn_once_and_shown_as_long(recorded: Path, tmp_path: Path) -> None:
+    """An arm at rest trembles by micrometres."""
+    settings = settings_for()
+    model = Construction.of(settings).model(looks=True)
+    header = TrajectoryHeader(period=TICK, every=45, positions=model.nq, world=json.loads(settings.model_dump_json()))
+    file = TrajectoryWriter(tmp_path / TRAJECTORY_FILE, header)
+    rng = np.random.default_rng(1)
+    positions = np.array(model.key_qpos[0])
+    number = 80
+    for frame in range(number):
+        file.keep(FIRST + 45 * frame, positions + rng.normal(0.0, 1e-6, positions.shape))
+    file.close()
+    draw(tmp_path, tmp_path / FILM_FILE)
+    with av.open(str(tmp_path / FILM_FILE)) as film:
+        times = [frame.time for frame in film.decode(video=0)]
+    assert times == pytest.approx(
+        [0.0, *np.arange(26, number - 1, 26) * 45 * TICK, (number - 1) * 45 * TICK], abs=0.021
+    )
+
+
 def test_part_of_a_film_from_anywhere(recorded: Path, tmp_path: Path) -> None:
     above = Standpoint(position=(0.01, 0.0, 0.9), target=(0.0, 0.0, 0.0))
     draw(recorded, tmp_path / "above.webm", camera=above, width=96, height=64, begin=0.1, length=0.2)
