@@ -24,7 +24,7 @@ class BookSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     path: Path
-    max_plies: PositiveInt = 24
+    max_plies: PositiveInt
     """Plies from the start of the game in which it is asked."""
     min_weight: PositiveInt = 1
     """Moves of less weight are left out; 0 marks moves that must not be played."""

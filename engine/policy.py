@@ -6,6 +6,7 @@ person who thinks. An engine that is asked for a draw ought to be able to say ye
 """
 
 from collections.abc import Sequence
+from typing import Final
 
 import chess
 import chess.engine
@@ -59,6 +60,10 @@ class DrawResignPolicy(BaseModel):
 
     def _for_draw(self, scores: Sequence[chess.engine.Score], board: chess.Board) -> list[int]:
         return _last(scores, self.draw_for) if board.ply() >= self.draw_from else []
+
+
+RESIGNING: Final = DrawResignPolicy(resign_below=900)
+"""Of an engine that may resign: with a queen less, four times in a row."""
 
 
 def _last(scores: Sequence[chess.engine.Score], n: int) -> list[int]:

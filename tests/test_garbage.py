@@ -95,7 +95,7 @@ def _summary_of(path: Path) -> None:
 
 
 def _book_of(path: Path) -> None:
-    with Book(BookSettings(path=path)) as book:
+    with Book(BookSettings(path=path, max_plies=20)) as book:
         book.move(chess.Board())
 
 

@@ -19,7 +19,7 @@ from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface
 from engine.book import Book, BookSettings
 from engine.openings import opening_engine, varied_opening
-from engine.policy import DrawResignPolicy
+from engine.policy import RESIGNING, DrawResignPolicy
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
 from hardware.interfaces import Pace
@@ -29,8 +29,6 @@ MOVE_TIME: Final = 0.2
 """Of a move where neither a clock, nor a time, nor nodes say otherwise [s]."""
 LONGEST_THOUGHT: Final = 3.0
 """Of an engine that plays somebody elsewhere, where nothing else is said; without a clock, of every move [s]."""
-LOST_BY: Final = 900
-"""An engine that may resign does at so many centipawns, four times in a row."""
 
 
 def line_players(
@@ -86,7 +84,7 @@ def engine_players(
         book = None
         if found is not None:
             book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
-        policy = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
+        policy = RESIGNING if settings.engine.resigns else DrawResignPolicy()
         player: Player = EnginePlayer(engine, _name(kept), book=book, policy=policy, tablebase=tables)
         if repertoire is not None:
             player = RepertoirePlayer(repertoire, seed, player)
@@ -110,7 +108,7 @@ def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace
         book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
     if settings.engine.syzygy is not None:
         tables = stack.enter_context(Tablebase(settings.engine.syzygy))
-    resigns = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
+    resigns = RESIGNING if settings.engine.resigns else DrawResignPolicy()
     player = EnginePlayer(engine, _name(kept), book=book, policy=resigns, tablebase=tables)
     return Players(player, player, ponders=pace is Pace.REAL)
 

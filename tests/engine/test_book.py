@@ -41,7 +41,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def drawn(path: Path, seed: int, **settings: int) -> str:
-    with Book(BookSettings(path=path, **settings), seed) as book:
+    with Book(BookSettings(path=path, max_plies=20, **settings), seed) as book:
         move = book.move(chess.Board())
         assert move is not None
         return move.uci()
@@ -59,7 +59,7 @@ def test_light_moves_are_left_out(path: Path) -> None:
 
 
 def test_a_seed_draws_the_same_however_often_it_is_asked(path: Path) -> None:
-    with Book(BookSettings(path=path), 5) as book:
+    with Book(BookSettings(path=path, max_plies=20), 5) as book:
         moves = {book.move(chess.Board()) for _ in range(20)}
     assert moves == {chess.Move.from_uci(drawn(path, 5))}
 
@@ -67,7 +67,7 @@ def test_a_seed_draws_the_same_however_often_it_is_asked(path: Path) -> None:
 def test_a_book_ends(path: Path) -> None:
     board = chess.Board()
     board.push_uci("e2e4")
-    with Book(BookSettings(path=path)) as book:
+    with Book(BookSettings(path=path, max_plies=20)) as book:
         assert book.move(board) == chess.Move.from_uci("e7e5")
         board.push_uci("e7e5")
         assert book.move(board) is None
@@ -78,7 +78,7 @@ def test_a_book_ends(path: Path) -> None:
 
 
 def test_castling_is_read_as_polyglot_writes_it(path: Path) -> None:
-    with Book(BookSettings(path=path)) as book:
+    with Book(BookSettings(path=path, max_plies=20)) as book:
         assert book.move(chess.Board("4k3/8/8/8/8/8/8/4K2R w K - 0 1")) == chess.Move.from_uci("e1g1")
 
 
@@ -95,7 +95,7 @@ def test_what_is_no_book_is_refused(tmp_path: Path) -> None:
         if content is not None:
             (tmp_path / name).write_bytes(content)
         with pytest.raises(BookBroken) as caught:
-            Book(BookSettings(path=tmp_path / name))
+            Book(BookSettings(path=tmp_path / name, max_plies=20))
         assert str(caught.value) == sentence
     with pytest.raises(BookBroken, match=f"^opening book {tmp_path} cannot be read: Is a directory|{tmp_path} is no"):
-        Book(BookSettings(path=tmp_path))
+        Book(BookSettings(path=tmp_path, max_plies=20))
