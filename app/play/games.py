@@ -164,7 +164,7 @@ def _puzzle(puzzle: Puzzle, human: Human | None) -> Fixture:
     """The opponent follows the solution; the person is told whether they do."""
     solver = None if human is None else replace(human, colour=puzzle.person, adviser=PuzzleAdviser(puzzle))
     players = _follow(puzzle.board, puzzle.line, (puzzle.name, puzzle.name))
-    return Fixture(puzzle.board.copy(), players, len(puzzle.line), solver)
+    return Fixture(puzzle.board.copy(), players, len(puzzle.line), solver, conclude=puzzle.concluded)
 
 
 def wished(settings: Settings, wish: NewGame) -> Settings:

@@ -61,6 +61,7 @@ class Fixture:
         clock: before the game; None: it is played without.
         opponent: who plays one side from somewhere else, found once the pieces stand; the finder returns None where
             nobody is found and no more is to be played. None: nobody plays from elsewhere.
+        conclude: how it has ended, in words of its own, given the last position and how it has ended by the rules.
     """
 
     board: chess.Board
@@ -71,6 +72,7 @@ class Fixture:
     result: Result | None = None
     clock: ChessClock | None = None
     opponent: Callable[[], RemoteOpponent | None] | None = None
+    conclude: Callable[[chess.Board, GameEnd], GameEnd] = lambda _, end: end
 
 
 class Fixtures(Protocol):
@@ -250,8 +252,12 @@ class Match:
             table, self._chosen, self._ui, human, fixture.comments, fixture.result, timing, bystander, self._opponent,
             lines if human is None else human.lines,
         )  # fmt: skip
-        plies = self._fixture.plies
-        return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
+
+        def play() -> GameEnd:
+            end = game.play(fixture.plies)
+            return fixture.conclude(table.board, end)
+
+        return Round(record, play, lambda: {"thinking_s": round(game.thinking, 3)})
 
     def _name(self, what: str, number: int) -> str:
         return "" if number == 1 and what == "game" else f"{what}-{number}"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import chess
 
 from app import UserError
+from app.execution.state import LEFT
 from app.players.advice import Advice, TakingBack
+from app.players.ending import GameEnd
 from app.records.recorded_games import recorded_games
 
 MOST: Final = 100_000
@@ -37,6 +39,22 @@ class Puzzle:
     board: chess.Board
     line: tuple[chess.Move, ...]
     person: chess.Color
+
+    def concluded(self, board: chess.Board, end: GameEnd) -> GameEnd:
+        """How a game of it has ended: solved, or not, and then what would have solved it.
+
+        Args:
+            board: the last position, with its moves.
+            end: of the game, by the rules or by those who played; one that is left, or failed, stays as it is.
+        """
+        if end is LEFT or end.kept or not end.complete:
+            return end
+        mates = board.is_checkmate() and board.turn is not self.person
+        if mates or tuple(board.move_stack[-len(self.line) :]) == self.line:
+            how = f": {end.reason}" if board.is_game_over() else ""
+            return replace(end, reason=f"{self.name} is solved{how}")
+        right = self.board.variation_san(self.line)
+        return replace(end, reason=f"{self.name} is not solved ({end.reason}): right was {right}")
 
 
 class PuzzleAdviser:

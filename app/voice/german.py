@@ -37,6 +37,8 @@ SENTENCES: Final[Mapping[str, str]] = MappingProxyType({
     "fivefold repetition": "fünfmal dieselbe Stellung, Remis",
     "fifty moves": "fünfzig Züge ohne Schlagen, Remis",
     "seventyfive moves": "fünfundsiebzig Züge ohne Schlagen, Remis",
+    "puzzle (\\S+) is solved(?:: checkmate)?": "Aufgabe {0} ist gelöst",
+    "puzzle (\\S+) is not solved (.+)": "Aufgabe {0} ist nicht gelöst",
     "({side}) resigns": "{0} gibt auf",
     "({side}) claims a draw": "{0} beansprucht Remis",
     "you play ({side}) now": "Sie spielen jetzt {0}",

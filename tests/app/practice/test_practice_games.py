@@ -14,7 +14,7 @@ from app.play.launch import resume_games
 from app.records.files import EVENTS_FILE
 from app.terminal.typed_lines import TypedLines
 from tests.app.play.test_games import Told, play
-from tests.app.practice.test_puzzles import TWO
+from tests.app.practice.test_puzzles import MATE, TWO
 
 SYZYGY = Path(__file__).resolve().parents[2] / "data" / "syzygy"
 
@@ -28,6 +28,12 @@ def moves(folder: Path) -> str:
         game = chess.pgn.read_game(stream)
     assert game is not None
     return game.board().variation_san(game.mainline_moves())
+
+
+def ended(folder: Path) -> tuple[str, str]:
+    """Result and reason, as the report has them."""
+    report = json.loads((folder / "report.json").read_text())
+    return report["result"], report["exit_reason"]
 
 
 def test_puzzles_follow_each_other_and_a_wrong_move_is_taken_back(tmp_path: Path) -> None:
@@ -45,6 +51,34 @@ def test_puzzles_follow_each_other_and_a_wrong_move_is_taken_back(tmp_path: Path
     assert moves(folder) == "24...Bxg3 25. Rxe7 Qb1+ 26. Nc1 Qxc1+ 27. Qxc1"
     assert any(event["event"] == "task" and event["purpose"] == "take_back" for event in events(folder))
     assert moves(folder / "game-2") == "27. Qd6 Rd8 28. Qxd8+ Bxd8"
+    assert [ended(folder), ended(folder / "game-2")] == [
+        ("*", "puzzle 00008 is solved"),
+        ("*", "puzzle 0000D is solved"),
+    ]
+    assert told.results == [ended(folder), ("*", "set up"), ended(folder / "game-2")]
+
+
+@pytest.mark.parametrize("word", ["resign", "new"])
+def test_a_puzzle_that_is_given_up_ends_with_what_was_right(tmp_path: Path, word: str) -> None:
+    puzzles = tmp_path / "two.csv"
+    puzzles.write_text(TWO)
+    folder = tmp_path / "game"
+    play(folder, "Rxe7", word, "quit", **{"practice.puzzles": puzzles, "game.games": 2})
+    result, why = ("0-1", "White resigns") if word == "resign" else ("*", "given up for a new game")
+    right = "24...Bxg3 25. Rxe7 Qb1+ 26. Nc1 Qxc1+ 27. Qxc1"
+    assert ended(folder) == (result, f"puzzle 00008 is not solved ({why}): right was {right}")
+    assert ended(folder / "game-2") == ("*", "left by the person at the board")
+    end = events(folder)[-1]
+    assert (end["event"], end["reason"]) == ("end", ended(folder)[1])
+
+
+def test_a_puzzle_that_ends_in_mate_is_solved_by_it_also_by_another_one(tmp_path: Path) -> None:
+    puzzles = tmp_path / "mate.pgn"
+    puzzles.write_text(MATE)
+    for number, move in enumerate(("Ra8#", "Rb8#")):
+        folder = tmp_path / str(number)
+        play(folder, move, **{"practice.puzzles": puzzles})
+        assert ended(folder) == ("1-0", "puzzle 1 is solved: checkmate")
 
 
 def test_a_puzzle_is_left_and_gone_on_with(tmp_path: Path) -> None:
