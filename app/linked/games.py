@@ -59,7 +59,7 @@ class LinkedSource:
     def again(self, end: GameEnd) -> bool:
         """See ``OpponentSource.again``: a person here or there may propose a rematch; an engine agrees to one."""
         peer, opponent = self._link.peer, self._link.opponent
-        asks = self._lines is not None and self._lines.accompanied
+        asks = self._lines is not None
         if end is LEFT or not end.complete or not peer.log.state.ended_by_players:
             return False
         peer.rematch(asks=asks)

@@ -8,7 +8,7 @@ from typing import Final, Self
 
 from app import UserError
 from app.execution.state import LEFT
-from app.game.person import GameLeft, PersonAttendant, ask
+from app.game.person import PersonAttendant, ask
 from app.online.client import BACK_OFF, CONNECTING, Cut, LichessClient, RequestRefused, Stream
 from app.online.feeds import EventFeed, Seek
 from app.online.messages import (
@@ -34,6 +34,8 @@ EXPIRY: Final = 20.0
 """A challenge to a game at the board is gone after so long, unless it is made anew [s, wall]."""
 CHALLENGES: Final = 3
 """So often somebody is challenged who does not answer."""
+AGAIN: Final = "rematch"
+"""What a person says after a game who wants another one with the same opponent."""
 REMATCH: Final = 3.0
 """How long their own proposal of a rematch is waited for, before they are challenged [s, wall]."""
 _FIRST_LINE: Final = 5
@@ -104,6 +106,8 @@ class Lobby:
         self._feed: EventFeed | None = None
         self._opponent: LichessOpponent | None = None
         self._rematch = False
+        self._played = False
+        """A game of these was taken up."""
         self._accepted: str | None = None
         """The challenge that becomes the next game."""
         self._over = set[str]()
@@ -149,18 +153,27 @@ class Lobby:
             return False
         if self._kind == "bot" or self._left > 0:
             return self._left > 0
-        if not self._lines.accompanied:
-            return False
-        question = f"{end.reason}, result {end.result}: say 'rematch', 'new' for another opponent, or 'quit'"
-        try:
-            said = ask(
-                PersonAttendant(self._lines, self._ui), self._ui, question, ("rematch", Word.NEW, Word.QUIT),
-                lambda _: False, leaves=(),
-            )  # fmt: skip
-        except (GameLeft, PersonGone):
-            return False
-        self._rematch = said == "rematch"
+        known = self._opponent is not None and self._opponent.opponent_id is not None
+        said = self._next_wish(f"{end.reason}, result {end.result}", rematch=known)
+        self._rematch = said == AGAIN
         return said != Word.QUIT
+
+    def _next_wish(self, before: str, *, rematch: bool) -> str:
+        """What the person here wants next, at the terminal or at a page; who is gone wants to quit.
+
+        Args:
+            before: what the question is about.
+            rematch: whether there can be one.
+        """
+        proposed = f"'{AGAIN}', " if rematch else ""
+        question = f"{before}: say {proposed}'{Word.NEW}' for another opponent, or '{Word.QUIT}'"
+        words = (*([AGAIN] if rematch else []), Word.NEW.value, Word.QUIT.value)
+        try:
+            return ask(
+                PersonAttendant(self._lines, self._ui), self._ui, question, words, lambda _: False, leaves=()
+            )  # fmt: skip
+        except PersonGone:
+            return Word.QUIT
 
     # ---------------------------------------------------------------------------------------------------- a new game
 
@@ -169,7 +182,11 @@ class Lobby:
         known, self._accepted = self._client.playing(), None
         self._over |= known
         if self._rematch and last is not None and last.opponent_id is not None:
-            return self._challenge(last.opponent_id, rematch_of=last.game)
+            try:
+                return self._challenge(last.opponent_id, rematch_of=last.game)
+            except (UserError, RequestRefused) as refusal:  # the game before is over and well: another one may follow
+                if self._next_wish(str(refusal), rematch=False) == Word.QUIT:
+                    return None
         if self._online.opponent is not None:
             return self._challenge(self._online.opponent)
         if self._kind == "bot" or self._online.accept:
@@ -254,9 +271,9 @@ class Lobby:
         try:
             return self._lines.quits()
         except PersonGone:
-            if self._kind == "board":
+            if self._kind == "board" and not self._played:
                 raise
-            return False
+            return self._kind == "board"
 
     def _answer(self, challenge: Challenge) -> None:
         reason = "later" if self._accepted is not None else self._suits(challenge)
@@ -290,6 +307,7 @@ class Lobby:
         """Take up a game that has begun."""
         full, stream = self._first_line(game)
         self._over.add(game)
+        self._played = True
         if not full.usual:
             self._client.act(self._kind, game, "abort")
             raise UserError(f"the game {game} is no usual chess, and this table knows no other: it was aborted")

@@ -158,9 +158,9 @@ def test_people_at_both_tables_agree_on_a_draw_and_the_guest_plays_the_other_col
     port = free_port()
     host = start(
         settings(tmp_path, "host", port, game__fen=ENDING, link__person=True, link__color="black", link__name="Ada"),
-        Person("Kd6", "draw"),
+        Person("Kd6", "draw", "quit"),
     )
-    guest = start(settings(tmp_path, "guest", port, link__person=True), Person("Ke4", "draw"))
+    guest = start(settings(tmp_path, "guest", port, link__person=True), Person("Ke4", "draw", "quit"))
     reports = [playing.end().report for playing in (guest, host)]
     assert [(one.result, one.exit_reason) for one in reports] == [("1/2-1/2", "draw by agreement")] * 2
     assert alike(tmp_path) == ["e3e4", "e6d6"]
@@ -169,9 +169,12 @@ def test_people_at_both_tables_agree_on_a_draw_and_the_guest_plays_the_other_col
     )  # fmt: skip
 
 
-def test_a_rematch_is_played_with_the_colours_changed_and_an_engine_agrees_to_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("accompanied", [True, False], ids=["page", "terminal"])
+def test_a_rematch_is_played_with_the_colours_changed_and_an_engine_agrees_to_one(
+    tmp_path: Path, accompanied: bool
+) -> None:
     port = free_port()
-    person = Person("Ke4", "resign", "new", "resign", "quit", accompanied=True)
+    person = Person("Ke4", "resign", "new", "resign", "quit", accompanied=accompanied)
     host = start(
         settings(tmp_path, "host", port, game__fen=ENDING, link__person=True, link__name="Ada"), person
     )  # fmt: skip

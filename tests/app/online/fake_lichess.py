@@ -172,6 +172,7 @@ class FakeLichess:
         self.next_color: chess.Color | None = None
         self.rematches = 0
         self.seeks = 0
+        self.seeker = "Anna"
         self._number = 0
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._server = _Server(("127.0.0.1", 0), _handler_of(self))
@@ -533,7 +534,7 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
             days = int(body["days"]) if "days" in body else None
 
             def pair() -> None:
-                lichess.begin("Anna", limit, increment, days=days, rated=body["rated"] == "true")
+                lichess.begin(lichess.seeker, limit, increment, days=days, rated=body["rated"] == "true")
                 stream.put(END)  # a seek ends once somebody is found
 
             lichess._later(pair)

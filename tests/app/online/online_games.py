@@ -89,6 +89,8 @@ class Person(UserInterface):
         if "say 'rematch'" in sentence:
             self._rematches -= 1
             self._typed = ["rematch" if self._rematches >= 0 else "quit"]
+        elif "quit" in answers:
+            self._typed = ["quit"]
 
     def answered(self) -> None:
         self._asked = False

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from app.online import launch, lobby
 from app.online.launch import account_here, client_of, run_online, upgrade
 from app.play.session import SessionResult
 from app.settings.tree import OnlineUse
+from app.terminal.interface import UserInterface
+from app.terminal.typed_lines import TypedLines
 from tests.app.online.fake_lichess import FakeLichess, Temper
 from tests.app.online.online_games import Person, QuickTime, recorded, settings, written_token
 
@@ -23,6 +26,24 @@ class Saying(Person):
     def __init__(self, *lines: str) -> None:
         super().__init__(0)
         self._typed = list(lines)
+
+
+class Resigning(Person):
+    """A person who resigns each game, and answers whatever else they are asked."""
+
+    def __init__(self, *answers: str) -> None:
+        super().__init__(0)
+        self._answers = list(answers)
+        self.asked: list[str] = []
+
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
+        if turn:
+            self._typed = ["resign"]
+        else:
+            self.asked.append(sentence)
+            self._typed = [self._answers.pop(0)]
 
 
 def online(
@@ -153,6 +174,52 @@ def test_a_rematch_is_played_whoever_proposes_it(tmp_path: Path) -> None:
             assert lichess.seeks == 1
             assert done.report.exit_reason == "White resigns"
             assert len([one for one in (done, *done.before) if one.report.result == "0-1"]) == 2
+
+
+def resigned(lichess: FakeLichess, folder: Path, *answers: str) -> tuple[SessionResult, Resigning]:
+    person = Resigning(*answers)
+    with written_token(folder) as token:
+        asked = settings(lichess, token, folder / "game", "person")
+        return run_online(asked, person, person, waiting=QuickTime()), person
+
+
+def test_a_rematch_is_asked_for_at_the_terminal_too(tmp_path: Path) -> None:
+    with FakeLichess() as lichess:
+        lichess.next_color = True
+        done, person = resigned(lichess, tmp_path, "rematch", "quit")
+        assert [game.opponent for game in lichess.games.values()] == ["Anna", "Anna"]
+        assert lichess.seeks == 1
+    assert not person.accompanied
+    assert [one.report.result for one in (*done.before, done)] == ["0-1", "0-1"]
+    assert person.asked == ["White resigns, result 0-1: say 'rematch', 'new' for another opponent, or 'quit'"] * 2
+
+
+@pytest.mark.parametrize(("answers", "games"), [(("rematch", "quit"), 1), (("rematch", "new", "quit"), 2)])
+def test_a_refused_rematch_is_said_and_others_may_be_looked_for(
+    tmp_path: Path, answers: tuple[str, ...], games: int
+) -> None:
+    with FakeLichess() as lichess:
+        lichess.next_color = True
+        lichess.seeker = "Refuser"
+        done, person = resigned(lichess, tmp_path, *answers)
+        assert len(lichess.games) == lichess.seeks == games
+    assert done.holds
+    assert person.asked[1] == (
+        "refuser does not accept: the challenge was declined or taken back: say 'new' for another opponent, or 'quit'"
+    )
+
+
+@pytest.mark.parametrize("lines", ["resign\n", "resign\nrematch\n", "resign\nnew\n"])
+def test_a_script_that_ends_before_another_game_begins_ends_well(
+    tmp_path: Path, lines: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with FakeLichess() as lichess, written_token(tmp_path) as token:
+        lichess.next_color = True
+        begin = lichess.begin
+        monkeypatch.setattr(lichess, "begin", lambda *terms, **more: None if lichess.games else begin(*terms, **more))
+        asked = settings(lichess, token, tmp_path / "game", "person")
+        done = run_online(asked, UserInterface(), TypedLines(io.StringIO(lines)), waiting=QuickTime())
+    assert (done.holds, done.report.exit_reason, done.before) == (True, "White resigns", ())
 
 
 def test_a_game_that_was_left_goes_on_without_a_ply_lost(tmp_path: Path) -> None:
