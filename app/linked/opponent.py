@@ -23,6 +23,7 @@ from app.linked.messages import BeginEntry, EndEntry, Entry, MoveEntry, TakeBack
 from app.linked.peer import OFFERS, LinkedPeer
 from app.players.ending import GameEnd
 from app.players.remote import (
+    ABORTABLE,
     GameOver,
     Notice,
     Offer,
@@ -138,7 +139,7 @@ class LinkedOpponent:
     def abort(self) -> None:
         """See ``RemoteOpponent.abort``: before both sides have moved."""
         with self._peer.changed:
-            if len(self._log.state.board.move_stack) >= 2:
+            if len(self._log.state.board.move_stack) >= ABORTABLE:
                 self._peer.note("both sides have moved, so the game cannot be aborted: resign or offer a draw")
             else:
                 self._peer.ask("abort")
@@ -146,6 +147,11 @@ class LinkedOpponent:
     def claim(self) -> None:
         """See ``RemoteOpponent.claim``: a robot that is gone may come back."""
         self._peer.note("a robot that has left may come back: wait for it, or say 'quit' and resume the game later")
+
+    @property
+    def claimable(self) -> bool:
+        """See ``RemoteOpponent.claimable``: never."""
+        return False
 
     def mending(self, busy: bool) -> None:
         """See ``RemoteOpponent.mending``."""
@@ -227,7 +233,7 @@ class LinkedOpponent:
         for request, colour in ((peer.asked, not turn), (peer.request, turn)):
             if request == "resign":
                 return EndEntry(result="0-1" if colour else "1-0", reason=f"{side_name(colour)} resigns")
-            if request == "abort" and len(state.board.move_stack) < 2:
+            if request == "abort" and len(state.board.move_stack) < ABORTABLE:
                 return EndEntry(result="*", reason="aborted")
         return None
 

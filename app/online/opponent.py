@@ -84,6 +84,7 @@ class LichessOpponent:
         self._state = full.state
         self._clock: OpponentClock | None = None
         self._offers = dict[tuple[bool, Offer], bool]()
+        self._claimable_at: float | None = None
         self._cut = False
         self._over = False
         self._outbox: deque[_Saying] = deque()
@@ -169,6 +170,12 @@ class LichessOpponent:
     def claim(self) -> None:
         """See ``RemoteOpponent.claim``."""
         self._say(_Saying("claim-victory"))
+
+    @property
+    def claimable(self) -> bool:
+        """See ``RemoteOpponent.claimable``."""
+        at = self._claimable_at
+        return at is not None and self._client.waiting.now() >= at
 
     def mending(self, busy: bool) -> None:
         """See ``RemoteOpponent.mending``: Lichess stops no clock."""
@@ -300,10 +307,13 @@ class LichessOpponent:
 
     def _hear_gone(self, line: OpponentGone) -> None:
         if not line.gone:
+            self._claimable_at = None
             self._put(Notice(f"{self._name} is back"))
             return
         after = line.claim_after or 0
-        self._put(Notice(f"{self._name} has left the game; say 'claim' after {after} s to win it"))
+        self._claimable_at = self._client.waiting.now() + after
+        later = f" after {after} s" if after else ""
+        self._put(Notice(f"{self._name} has left the game; say 'claim'{later} to win it"))
         if self._claims:
             timer = threading.Timer(after + 1.0, self.claim)
             timer.daemon = True

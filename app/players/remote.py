@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Final, Protocol
 
 import chess
 
 from app.players.ending import GameEnd
+
+ABORTABLE: Final = 2
+"""A game may be aborted while it has fewer plies: until both sides have moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +172,10 @@ class RemoteOpponent(Protocol):
 
     def claim(self) -> None:
         """Claim the game that they have left, where the rules allow it; otherwise they say so."""
+
+    @property
+    def claimable(self) -> bool:
+        """Whether they have left, for as long as the rules want it before the game may be claimed."""
 
     def mending(self, busy: bool) -> None:
         """The table here must be put right, or has been: the clocks should stand meanwhile, where that can be."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,7 @@ from app.players.remote import (
 )
 from tests.app.online.fake_lichess import TOKEN, FakeGame, FakeLichess, Temper
 from tests.app.online.online_games import QuickTime
+from tests.waiting import until
 
 E4, E5 = chess.Move.from_uci("e2e4"), chess.Move.from_uci("e7e5")
 
@@ -52,8 +54,8 @@ def playing(
 
 def following(opponent: LichessOpponent, kind: type, seconds: float = 20.0) -> RemoteEvent:
     """The next event of a kind."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
         if isinstance(event := opponent.next(0.2), kind):
             return event
     raise AssertionError(f"no {kind.__name__} has come")
@@ -189,10 +191,49 @@ def test_who_has_left_can_be_claimed_against_and_chat_is_shown_without_control_c
             lichess._tell(game, said)
         assert following(opponent, Notice) == Notice("Anna writes: hi[31m" + "x" * 133)
         opponent.play(2, chess.Move.from_uci("a2a3"))
-        assert "has left the game; say 'claim' after 0 s" in str(following(opponent, Notice))
+        assert not opponent.claimable
+        assert following(opponent, Notice) == Notice("Anna has left the game; say 'claim' to win it")
+        assert opponent.claimable
         opponent.claim()
         over = following(opponent, GameOver)
         assert over == GameOver(GameEnd("1-0", "Black has left the game", complete=True), len(game.moves))
+
+
+def test_who_has_left_can_be_claimed_against_only_in_time_and_while_away() -> None:
+    with playing() as (lichess, game, opponent):
+        silent(lichess)
+        opponent.stands(chess.Board())
+        with lichess.lock:
+            lichess._tell(game, {"type": "opponentGone", "gone": True, "claimWinInSeconds": 45})
+        assert following(opponent, Notice) == Notice("Anna has left the game; say 'claim' after 45 s to win it")
+        assert not opponent.claimable
+        opponent._client.waiting.wait(46.0, threading.Event())
+        assert opponent.claimable
+        with lichess.lock:
+            lichess._tell(game, {"type": "opponentGone", "gone": False})
+        assert following(opponent, Notice) == Notice("Anna is back")
+        assert not opponent.claimable
+
+
+def test_a_flag_falls_only_at_the_server_whatever_the_clock_here_shows() -> None:
+    with playing() as (lichess, game, opponent):
+        silent(lichess)
+        opponent.stands(chess.Board())
+        with lichess.lock:
+            for move in (E4, E5):
+                lichess._push(game, move)
+            game.left = {chess.WHITE: 0.0, chess.BLACK: 0.0}
+            lichess._tell(game)
+        assert [following(opponent, RemoteMove) for _ in range(2)] == [RemoteMove(0, E4), RemoteMove(1, E5)]
+        until(lambda: (clock := opponent.clock()) is not None and clock.left(chess.WHITE, 0.0) == 0.0)
+        assert opponent.next(0.0) is None
+        opponent.play(2, chess.Move.from_uci("g1f3"))  # within the grace that the server gives for the way there
+        until(lambda: game.posted == ["g1f3"])
+        assert opponent.next(0.0) is None
+        with lichess.lock:
+            lichess.end(game, "outoftime", chess.WHITE)
+        over = following(opponent, GameOver)
+        assert over == GameOver(GameEnd("1-0", "Black's time has run out", complete=True), 3)
 
 
 def test_a_cut_link_is_told_of_when_it_lasts_and_when_it_is_back() -> None:
