@@ -78,6 +78,8 @@ class Game:
             return leave(self._table, left, self._left)
         finally:
             self._timing.pause()  # nobody's time runs when it is over
+            if self._remote is not None:
+                self._remote.close()
 
     def _left(self, left: GameLeft) -> GameEnd:
         if self._remote is not None:
@@ -87,6 +89,8 @@ class Game:
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board
         self._ui.position(board)
+        if self._remote is not None:
+            self._remote.show()  # what an earlier program has left undone may be their move
         self._most = plies
         by_hand = frozenset() if self._human is None else frozenset(filter(self._human.plays, chess.COLORS))
         if not self._table.begin(by_hand):

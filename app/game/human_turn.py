@@ -21,7 +21,7 @@ from app.game.clock import side_name
 from app.game.complaints import Complaints
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
-from app.game.remote_turn import TO_OPPONENT, RemoteTurn
+from app.game.remote_turn import ANY_TIME, RemoteTurn
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
@@ -179,7 +179,7 @@ class HumanTurn:
         if isinstance(command, NewGame):
             self._human.require(command)
             return self.left(Word.NEW, command)
-        if self._remote is not None and command in TO_OPPONENT:
+        if self._remote is not None and command in ANY_TIME:
             return self._remote.obey(command)
         words: dict[Word, Callable[[], GameEnd | None]] = {
             Word.LOOK: lambda: self._read(None, self._timing.now()),

@@ -17,11 +17,12 @@ from app.execution.state import LEFT, WRONG, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.timing import Timing
-from app.players.commands import Word, word_of
+from app.players.commands import MEANINGS_ELSEWHERE, Word, help_text, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
 from app.players.remote import (
+    ABORTABLE,
     GameOver,
     Notice,
     Offer,
@@ -33,6 +34,8 @@ from app.players.remote import (
     TakenBack,
 )
 from app.terminal.interface import UserInterface
+from app.terminal.shown import RemoteShown
+from hardware.piece_set import Colour
 
 POLL: Final = 0.2
 """How long is waited for their move at a time, before it is asked what is said here [s, wall]."""
@@ -47,10 +50,10 @@ _REFUSED: Final = {
     Word.KEEP: "this game cannot go on from what stands on the board: say 'fix' and the arm puts the pieces back",
     Word.PAUSE: "the clock that counts is not here, so it cannot be stopped: offer a draw, or play on",
 }
-TO_OPPONENT: Final = (Word.DRAW, Word.TAKE_BACK, Word.DECLINE, Word.RESIGN, Word.ABORT, Word.CLAIM, Word.QUIT)
-"""What is said to the opponent, whoever's turn it is."""
-_SAID: Final = (*TO_OPPONENT, Word.FIX)
-"""What makes sense while they think."""
+ANY_TIME: Final = (
+    Word.DRAW, Word.TAKE_BACK, Word.DECLINE, Word.RESIGN, Word.ABORT, Word.CLAIM, Word.QUIT, Word.HELP,
+)  # fmt: skip
+"""What is taken whoever's turn it is; whether it makes sense, ``RemoteTurn.words`` says."""
 
 
 def refusal(line: str) -> str | None:
@@ -83,12 +86,40 @@ class RemoteTurn:
         self._answers = answers
         self._running: chess.Color | None = None
         self._offered = dict[Offer, Offered]()
+        self._shown: RemoteShown | None = None
         self.spoken = 0
         """So many sentences were said: whoever asks something meanwhile asks again."""
 
     def plays(self, colour: chess.Color) -> bool:
         """Whether the opponent plays this colour."""
         return colour is self._opponent.colour
+
+    def words(self) -> tuple[Word, ...]:
+        """What it makes sense to say now: at the terminal, at the page, or by voice."""
+        board = self._table.board
+        sense = {
+            Word.TAKE_BACK: self._moved() or Offer.TAKE_BACK in self._offered,
+            Word.DECLINE: bool(self._offered),
+            Word.ABORT: len(board.move_stack) < ABORTABLE,
+            Word.CLAIM: self._opponent.claimable,
+            Word.LOOK: not self.plays(board.turn) and self._table.observer is not None,
+        }
+        return tuple(word for word in (*ANY_TIME, Word.LOOK, Word.FIX) if sense.get(word, True))
+
+    def show(self) -> None:
+        """Show who plays elsewhere and what can be said, where that has changed."""
+        self._show(self.words())
+
+    def close(self) -> None:
+        """The game is over, or left: nothing more can be said to them."""
+        self._show((Word.QUIT,))
+
+    def _show(self, words: tuple[Word, ...]) -> None:
+        side = Colour.WHITE if self._opponent.colour else Colour.BLACK
+        shown = RemoteShown(self._opponent.name, side, words)
+        if shown != self._shown:
+            self._shown = shown
+            self._ui.remote(shown)
 
     # ------------------------------------------------------------------------------------------------- told to them
 
@@ -136,7 +167,7 @@ class RemoteTurn:
     def take(self) -> GameEnd | None:
         """Until they have moved, something was taken back, or the game has ended."""
         done = len(self._table.board.move_stack)
-        self._ui.phase(f"{side_name(self._opponent.colour)} thinks ({self._opponent.name})")
+        self._ui.phase(f"{side_name(self._opponent.colour)} thinks: {self._opponent.name}")
         while len(self._table.board.move_stack) == done:
             if (end := self.heed(POLL)) is not None:
                 return end
@@ -169,10 +200,10 @@ class RemoteTurn:
             return None if self._table.repair() else WRONG
         elif word is Word.GO and self._table.permission.stopped:
             self._table.permission.go_on()
-        elif word is not None and word in _SAID:
+        elif word is not None and word in ANY_TIME:
             return self.obey(word)
         else:
-            said = ", ".join(f"'{one}'" for one in _SAID)
+            said = ", ".join(f"'{one}'" for one in self.words())
             self._say(f"it is {self._opponent.name}'s move: you can say {said}")
         return None
 
@@ -186,6 +217,7 @@ class RemoteTurn:
             Word.DRAW: lambda: self._propose(Offer.DRAW),
             Word.TAKE_BACK: lambda: self._propose(Offer.TAKE_BACK),
             Word.DECLINE: self._decline,
+            Word.HELP: lambda: self._ui.say(help_text(self.words(), MEANINGS_ELSEWHERE)),
         }
         return answers[word]()
 
@@ -236,14 +268,14 @@ class RemoteTurn:
 
     def heed(self, timeout: float = 0.0) -> GameEnd | None:
         """Do what has arrived, waiting for it at most so long [s, wall]; how the game has ended, if it has."""
+        self.show()
         event = self._opponent.next(timeout)
-        if event is None:
-            return None
         while event is not None:
             end = self._take(event)
             self._timing.show()
             if end is not None:
                 return end
+            self.show()
             event = self._opponent.next(0.0)
         return None
 

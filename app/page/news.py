@@ -96,6 +96,16 @@ class ClockNews(FrozenFinite):
     """Wall time at which they did [s since 1970]: a page that starts later is told the same news; None: now."""
 
 
+class RemoteNews(FrozenFinite):
+    """Who plays from somewhere else, which pieces, and the words that it makes sense to say now."""
+
+    news: Literal["remote"] = "remote"
+    name: str | None = None
+    """None: nobody is found yet."""
+    side: Side | None = None
+    words: tuple[str, ...]
+
+
 class SquareSeen(FrozenFinite):
     """What vision thinks of a square, and how sure it is."""
 
@@ -169,8 +179,8 @@ class EndNews(FrozenFinite):
 
 
 AnyNews = (
-    SessionNews | RoundNews | PhaseNews | SayNews | PromptNews | HeardNews | ClockNews | LookNews | PictureNews
-    | PathNews | DeviceNews | ResultNews | EndNews
+    SessionNews | RoundNews | PhaseNews | SayNews | PromptNews | HeardNews | RemoteNews | ClockNews | LookNews
+    | PictureNews | PathNews | DeviceNews | ResultNews | EndNews
 )  # fmt: skip
 NEWS: TypeAdapter[AnyNews] = TypeAdapter(Annotated[AnyNews, Field(discriminator="news")])
 

@@ -36,6 +36,7 @@ from app.page.news import (
     Present,
     Program,
     PromptNews,
+    RemoteNews,
     ResultNews,
     RoundNews,
     SayNews,
@@ -44,7 +45,7 @@ from app.page.news import (
     SquareSeen,
 )
 from app.terminal.interface import UserInterface
-from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown, View
+from app.terminal.shown import ClockShown, LookShown, PathShown, RemoteShown, SessionShown, View
 from hardware.piece_set import Colour
 
 if TYPE_CHECKING:
@@ -142,6 +143,11 @@ class PagePublisher(UserInterface):
     def result(self, result: str, reason: str) -> None:
         """See ``UserInterface.result``."""
         self._tell(ResultNews(result=result, reason=reason))
+
+    def remote(self, shown: RemoteShown) -> None:
+        """See ``UserInterface.remote``."""
+        side: Side | None = None if shown.side is None else shown.side.value
+        self._tell(RemoteNews(name=shown.name, side=side, words=shown.words))
 
     def clock(self, shown: ClockShown | None) -> None:
         """See ``UserInterface.clock``."""

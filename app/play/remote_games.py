@@ -16,11 +16,12 @@ from app.execution.state import LEFT, Devices
 from app.game import GameEnd
 from app.play.match import Fixture, Match
 from app.play.session import Round
+from app.players.commands import Word
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
 from app.terminal.interface import Together, UserInterface
-from app.terminal.shown import SessionShown
+from app.terminal.shown import RemoteShown, SessionShown
 from hardware.piece_set import Colour
 
 ENDLESS: Final = 1 << 30
@@ -48,6 +49,10 @@ class SeatedInterface(Together):
         """See ``UserInterface.session``."""
         self._shown = shown
         super().session(shown)
+
+    def wait(self) -> None:
+        """Nobody is found yet: one can only leave."""
+        self.remote(RemoteShown(None, None, (Word.QUIT,)))
 
     def seat(self, person: Colour) -> None:
         """The person has this colour."""

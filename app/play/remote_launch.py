@@ -69,6 +69,7 @@ def run_remote_games(
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui, start_fen(settings))
+        ui.wait()
         match, board = _remote_match(
             settings, rig_setup, folder, ui, lines, human, source, stack, plies, players
         )  # fmt: skip
@@ -107,6 +108,7 @@ def resume_remote_games(
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         shown = show_session(settings, rig_setup, folder, human, ui)
+        ui.wait()
         match, _ = _remote_match(settings, rig_setup, folder, ui, lines, human, source, stack, plies, players)
         start = Start(number, sets_up, GameRecord.go_on(path, history), position)
         require_world(rig_setup, folder, history)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -66,6 +66,18 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.QUIT: "leave; 'touchmove resume' continues the game",
     }
 )
+MEANINGS_ELSEWHERE: Mapping[Word, str] = MappingProxyType(
+    {
+        **MEANINGS,
+        Word.TAKE_BACK: "propose to take back your last move, or agree to what your opponent proposes",
+        Word.DRAW: "offer a draw, accept the one that is offered, or claim one",
+        Word.DECLINE: "decline the draw or take-back that your opponent proposes",
+        Word.ABORT: "end the game without a result, as it has hardly begun",
+        Word.CLAIM: "claim the game, as your opponent has left it",
+        Word.QUIT: "leave the table; the game goes on, and 'touchmove resume' takes it up",
+    }
+)
+"""The same in a game against somebody elsewhere."""
 _SAME: Mapping[str, Word] = MappingProxyType(
     {"undo": Word.TAKE_BACK, "back": Word.TAKE_BACK, "exit": Word.QUIT, "?": Word.HELP, "swap": Word.SIDE}
 )
@@ -216,10 +228,10 @@ def _place(word: str) -> Place:
     return Place.parse(word.lower() if len(word) == 2 and word[0] in "abcdefghABCDEFGH" else word.upper())
 
 
-def help_text() -> str:
-    """What can be typed, a line each."""
+def help_text(words: Collection[Word] = tuple(Word), meanings: Mapping[Word, str] = MEANINGS) -> str:
+    """What can be typed, a line each: a move, or one of some words."""
     width = max(len(word) for word in Word)
-    return "\n".join(["a move: e4, Nf3, O-O, e2e4, e7e8q", *(f"{word:{width}}  {MEANINGS[word]}" for word in Word)])
+    return "\n".join(["a move: e4, Nf3, O-O, e2e4, e7e8q", *(f"{word:{width}}  {meanings[word]}" for word in words)])
 
 
 def said_of_square(words: str) -> tuple[Place, Look | None] | None:

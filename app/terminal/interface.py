@@ -15,7 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from app.records import PlyEvent
-from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
+from app.terminal.shown import ClockShown, LookShown, PathShown, RemoteShown, SessionShown
+from hardware.piece_set import Colour
 
 
 class UserInterface:
@@ -52,6 +53,9 @@ class UserInterface:
 
     def result(self, result: str, reason: str) -> None:
         """That game is over, or is left: PGN's result, and why."""
+
+    def remote(self, shown: RemoteShown) -> None:
+        """Somebody elsewhere plays, and these words make sense now: told whenever that changes."""
 
     def clock(self, shown: ClockShown | None) -> None:
         """A clock was started or stopped; None: there are none."""
@@ -113,6 +117,10 @@ class Together(UserInterface):
     def result(self, result: str, reason: str) -> None:
         """See ``UserInterface.result``."""
         self._each(lambda one: one.result(result, reason))
+
+    def remote(self, shown: RemoteShown) -> None:
+        """See ``UserInterface.remote``."""
+        self._each(lambda one: one.remote(shown))
 
     def clock(self, shown: ClockShown | None) -> None:
         """See ``UserInterface.clock``."""
@@ -211,6 +219,8 @@ class Conversation(UserInterface):
     def __init__(self, console: Console, *, echoes: bool = True) -> None:
         self._console, self._plain, self._echoes = console, console.color_system is None, echoes
         self._said = ""
+        self._remote: RemoteShown | None = None
+        self._person: Colour | None = None
         self._prompted = False
         """The last line is a prompt that nobody has answered."""
 
@@ -219,6 +229,14 @@ class Conversation(UserInterface):
 
     def __exit__(self, *_: object) -> None:
         """Nothing has to be undone."""
+
+    def session(self, shown: SessionShown) -> None:
+        """See ``UserInterface.session``."""
+        self._person = shown.person
+
+    def remote(self, shown: RemoteShown) -> None:
+        """See ``UserInterface.remote``."""
+        self._remote = shown
 
     def phase(self, text: str) -> None:
         """See ``UserInterface.phase``."""
@@ -236,8 +254,16 @@ class Conversation(UserInterface):
         """See ``UserInterface.ply``."""
         self._leave_prompt()
         self._console.print(board_text(board, chess.Move.from_uci(event.uci), plain=self._plain))
-        who = "you played" if event.by == "hand" else "I played"
-        self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
+        said = f"{_number(event)} {event.san}  ({self._who(event)} played)"
+        self._console.print(said, style="bold", highlight=False, markup=False, soft_wrap=True)
+
+    def _who(self, event: PlyEvent) -> str:
+        """Whose move it was, whoever has carried it out: the arm makes those of an opponent elsewhere, too."""
+        if self._remote is None:
+            return "you" if event.by == "hand" else "I"
+        if event.side is self._remote.side:
+            return self._remote.name or "they"
+        return "you" if event.side is self._person else "I"
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""

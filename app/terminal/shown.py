@@ -71,6 +71,18 @@ class ClockShown:
     running: chess.Color | None
 
 
+@dataclass(frozen=True, slots=True)
+class RemoteShown:
+    """Who plays from somewhere else, which pieces, and the words that it makes sense to say now.
+
+    ``name`` and ``side`` are None while nobody is found yet.
+    """
+
+    name: str | None
+    side: Colour | None
+    words: tuple[str, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LookShown:
     """What a look at the board came to.

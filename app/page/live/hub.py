@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 SECTIONS: Final = (
-    "session", "game", "clock", "prompt", "log", "phase", "look", "pictures", "path", "devices", "controls",
+    "session", "game", "clock", "remote", "prompt", "log", "phase", "look", "pictures", "path", "devices", "controls",
 )  # fmt: skip
 """Of the state, in the order in which they are told."""
 

@@ -21,6 +21,7 @@ from app.page.news import (
     PhaseNews,
     PictureNews,
     PromptNews,
+    RemoteNews,
     ResultNews,
     RoundNews,
     SayNews,
@@ -115,12 +116,14 @@ class PageState:
             case _:
                 self._put(news)
 
-    def _put(self, news: PromptNews | ClockNews | LookNews | PathNews | DeviceNews) -> None:
+    def _put(self, news: PromptNews | RemoteNews | ClockNews | LookNews | PathNews | DeviceNews) -> None:
         """News that are a section, nearly."""
         shown = news.model_dump(exclude={"news"})
         match news:
             case PromptNews():
                 self._hub.put("prompt", shown if news.id else None)
+            case RemoteNews():
+                self._hub.put("remote", shown)
             case ClockNews():
                 self._put_clock(news)
             case LookNews():

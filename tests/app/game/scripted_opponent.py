@@ -67,6 +67,7 @@ class ScriptedOpponent:
     scripts: Sequence[Script]
     name: str = "Ada"
     time: OpponentClock | None = None
+    claimable: bool = False
     told: list[str] = field(default_factory=list)
     events: deque[RemoteEvent] = field(default_factory=deque)
 

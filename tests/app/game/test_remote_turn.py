@@ -29,7 +29,7 @@ from app.players.remote import (
 from app.settings.files import settings_of
 from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
-from app.terminal.shown import ClockShown, SessionShown
+from app.terminal.shown import ClockShown, RemoteShown, SessionShown
 from hardware.piece_set import Colour
 from tests.app.game.scripted_opponent import Script, ScriptedOpponent, Source, ends_when_asked, line_of
 
@@ -43,6 +43,7 @@ class Told(UserInterface):
         self.phases: list[str] = []
         self.persons: list[Colour | None] = []
         self.clocks: list[ClockShown | None] = []
+        self.remotes: list[RemoteShown] = []
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         self.said.append(sentence)
@@ -55,6 +56,9 @@ class Told(UserInterface):
 
     def clock(self, shown: ClockShown | None) -> None:
         self.clocks.append(shown)
+
+    def remote(self, shown: RemoteShown) -> None:
+        self.remotes.append(shown)
 
 
 class TypedWhenAsked:
@@ -200,6 +204,39 @@ def test_what_came_too_late_is_taken_back(tmp_path: Path) -> None:
     done, _ = play(tmp_path, ScriptedOpponent(chess.BLACK, [line_of(*MATE[:2]), late]), "f3", "g4")
     assert (done.holds, done.report.exit_reason) == (True, "White's time has run out")
     assert sans(tmp_path) == "1. f3 e5"
+
+
+@pytest.mark.parametrize("running", [chess.WHITE, chess.BLACK], ids=["ours", "theirs"])
+@pytest.mark.parametrize("person", [True, False], ids=["person", "engine"])
+def test_a_clock_that_has_run_out_here_ends_no_game_before_they_say_so(
+    tmp_path: Path, person: bool, running: chess.Color
+) -> None:
+    out = OpponentClock(0.0, 0.0, running, at=0.0)
+    over = at("stands 3", ended("1-0", "Black's time has run out", 3))
+    opponent = ScriptedOpponent(chess.BLACK, [lambda _, told: [made(1, "e7e5")] if told == "stands 1" else (), over],
+                                time=out)  # fmt: skip
+    done, ui = play(tmp_path, opponent, "f3", "g4", person=person)
+    assert (done.report.plies, done.report.exit_reason) == (3, "Black's time has run out")
+    assert [told.split()[0] for told in opponent.told] == ["stands", "play", "stands", "stands", "play", "stands"]
+    assert not [said for said in ui.said if "time" in said]
+
+
+def test_a_flag_that_falls_while_the_arm_moves_counts_once_the_arm_is_done(tmp_path: Path) -> None:
+    flag = ended("0-1", "White's time has run out", 2)
+    opponent = ScriptedOpponent(chess.BLACK, [at("stands 1", made(1, "e7e5"), flag)], time=CLOCK)
+    done, _ = play(tmp_path, opponent, "f3", "g4")
+    assert (done.holds, done.report.exit_reason) == (True, "White's time has run out")
+    assert sans(tmp_path) == "1. f3 e5"
+    assert opponent.told == ["stands 0", "play f2f3 0", "stands 1", "stands 2"]
+
+
+def test_a_mate_that_came_after_the_flag_is_none(tmp_path: Path) -> None:
+    late = at("play d8h4 3", ended("1-0", "Black's time has run out", 3))
+    opponent = ScriptedOpponent(chess.WHITE, [line_of(*MATE), late], time=CLOCK)
+    done, _ = play(tmp_path, opponent, "e5", "Qh4")
+    assert (done.holds, done.report.result) == (True, "1-0")
+    assert done.report.exit_reason == "Black's time has run out"
+    assert sans(tmp_path) == "1. f3 e5 2. g4"
 
 
 def test_both_sides_take_back_and_offer_draws(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 import chess
 from playwright.sync_api import expect
 
+from app.terminal.shown import RemoteShown
+from hardware.piece_set import Colour
 from tests.app.page.browsers import Visitor
 from tests.app.page.stage import Stage
 
@@ -49,6 +51,42 @@ def pending(stage: Stage, visitor: Visitor) -> None:
     stage.game.publisher.phase("your hand plays Nf3")
     expect(visitor.page.locator("#board square.pending")).to_have_count(2)
     expect(visitor.page.locator("#ask .ask-title")).to_have_text("Your hand plays Nf3")
+
+
+def elsewhere(stage: Stage, *words: str) -> None:
+    """Somebody elsewhere has Black, and these words make sense."""
+    stage.game.publisher.remote(RemoteShown("anna (1650)", Colour.BLACK, words))
+
+
+def offered(stage: Stage, visitor: Visitor) -> None:
+    """Their opponent elsewhere proposes a draw."""
+    played(stage, *OPENING[:2])
+    stage.game.publisher.say("anna (1650) proposes a draw: say 'draw' to accept, or 'decline'")
+    elsewhere(stage, "draw", "takeback", "decline", "resign", "quit", "help", "look", "fix")
+    my_turn(stage)
+    expect(visitor.page.locator("#ask [data-answer=decline]")).to_be_visible()
+    expect(visitor.page.locator("#actions [data-word=decline]")).to_be_visible()
+
+
+def deserted(stage: Stage, visitor: Visitor) -> None:
+    """Their opponent elsewhere has left in its own turn."""
+    played(stage, *OPENING[:3])
+    stage.put(clock={"white": 871.2, "black": 14.6, "running": "black", "age": 0.0})
+    stage.game.publisher.phase("Black thinks: anna (1650)")
+    stage.game.publisher.say("anna (1650) has left the game; say 'claim' to win it")
+    elsewhere(stage, "draw", "takeback", "resign", "claim", "quit", "help", "fix")
+    expect(visitor.page.locator("#ask [data-answer=claim]")).to_be_visible()
+    expect(visitor.page.locator("#actions [data-word=claim]")).to_be_visible()
+
+
+def rematch(stage: Stage, visitor: Visitor) -> None:
+    """A game against somebody elsewhere has ended, and they are asked what is next."""
+    played(stage, "f2f3", "e7e5", "g2g4", "d8h4")
+    stage.game.record.end("0-1", "checkmate", stage.game.plant)
+    elsewhere(stage, "quit")
+    question = "checkmate, result 0-1: say 'rematch', 'new' for another opponent, or 'quit'"
+    stage.game.publisher.prompt(question, ("rematch", "new", "quit"))
+    expect(visitor.page.get_by_role("button", name="Rematch")).to_be_visible()
 
 
 def at_work(stage: Stage, visitor: Visitor) -> None:
@@ -206,6 +244,7 @@ SCENES: Mapping[str, tuple[Scene, str]] = {
         (lost, chess.STARTING_FEN), (ended, chess.STARTING_FEN), (watching, chess.STARTING_FEN),
         (asked, chess.STARTING_FEN), (new_game, chess.STARTING_FEN), (editor, chess.STARTING_FEN),
         (settings, chess.STARTING_FEN), (games, chess.STARTING_FEN), (resigning, chess.STARTING_FEN),
+        (offered, chess.STARTING_FEN), (deserted, chess.STARTING_FEN), (rematch, chess.STARTING_FEN),
     )
 }  # fmt: skip
 """By name: the scene, and the position that its game begins with."""

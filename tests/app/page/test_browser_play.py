@@ -14,7 +14,7 @@ from app.page.web.static_files import StaticFiles
 from app.players.commands import NewGame, parse_command
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage
-from tests.app.page.scenes import PROMOTING, my_turn, played
+from tests.app.page.scenes import PROMOTING, elsewhere, my_turn, played, rematch
 from tests.app.page.stage import Stage
 from tests.waiting import until
 
@@ -293,6 +293,65 @@ def test_a_pause_is_gone_on_from(set_stage: SetStage, visit: Visit) -> None:
     expect(visitor.page.locator("[data-word=pause]")).to_have_text("Continue")
     visitor.page.locator("#ask").get_by_role("button", name="Continue").click()
     said(stage, "go")
+
+
+def shown_words(visitor: Visitor) -> list[str]:
+    """The words whose buttons can be pressed now, those under 'More' included, in the page's order."""
+    return visitor.page.evaluate(
+        "[...document.querySelectorAll('#actions [data-word]')]"
+        ".filter((one) => !one.hidden && !one.disabled).map((one) => one.dataset.word)"
+    )
+
+
+def test_the_buttons_against_somebody_elsewhere_are_the_words_that_the_game_tells(
+    set_stage: SetStage, visit: Visit
+) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    asked_to_move(stage, visitor)
+    page = visitor.page
+    for word in ("decline", "claim", "abort"):
+        expect(page.locator(f"[data-word={word}]")).to_be_hidden()
+    expect(page.locator("[data-word=pause]")).to_be_visible()
+    for words in (("abort", "draw", "resign", "quit", "look", "fix", "help"), ("draw", "takeback", "decline", "quit"),
+                  ("resign", "claim")):  # fmt: skip
+        elsewhere(stage, *words)
+        until(lambda words=words: sorted(shown_words(visitor)) == sorted({*words, "flip"} - {"help"}))
+    for word in ("pause", "hint", "new", "side", "setup"):
+        expect(page.locator(f"[data-word={word}]")).to_be_hidden()
+    button(page, "Claim")
+    said(stage, "claim")
+    elsewhere(stage, "decline", "abort")
+    button(page, "Decline")
+    said(stage, "decline")
+    button(page, "Abort")
+    page.locator("dialog").get_by_role("button", name="Abort").click()
+    said(stage, "abort")
+
+
+def test_words_can_be_said_while_somebody_elsewhere_thinks(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    played(stage, "e2e4")
+    stage.game.publisher.phase("Black thinks: anna (1650)")
+    stage.game.publisher.say("anna (1650) proposes a draw: say 'draw' to accept, or 'decline'")
+    elsewhere(stage, "draw", "takeback", "decline", "resign")
+    answers = visitor.page.locator("#ask [data-answer]")
+    expect(answers).to_have_text(["Draw", "Decline"])
+    button(visitor.page, "Take back")
+    said(stage, "takeback")
+    elsewhere(stage, "draw", "takeback", "resign")  # it stands no more
+    expect(answers).to_have_text(["Draw"])
+
+
+def test_after_a_game_elsewhere_a_rematch_or_another_opponent_is_one_word(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    rematch(stage, visitor)
+    visitor.page.locator("#ask [data-answer=new]").click()
+    said(stage, "new")
+    button(visitor.page, "Rematch")
+    said(stage, "rematch")
 
 
 def test_between_people_nothing_is_given_away(set_stage: SetStage, visit: Visit) -> None:

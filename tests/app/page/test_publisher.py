@@ -15,11 +15,11 @@ import chess
 import numpy as np
 import pytest
 
-from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews
+from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews, RemoteNews
 from app.page.publisher import KEPT, POINTS, PagePublisher
 from app.players.person import PersonGone
 from app.terminal.interface import Together, UserInterface
-from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
+from app.terminal.shown import ClockShown, LookShown, PathShown, RemoteShown, SessionShown
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
@@ -123,6 +123,16 @@ def test_a_page_that_starts_later_hears_the_newest_of_each_and_what_was_said_las
     assert [one.text for one in heard if one.news == "say"] == [f"sentence {n}" for n in range(50, KEPT + 50)]
     assert [one.text for one in heard if one.news == "phase"] == [f"phase {KEPT + 49}"]
     assert [one for one in heard if one.news == "prompt"] == [PromptNews()]
+
+
+def test_who_plays_elsewhere_and_what_can_be_said_is_told_again_to_a_page_that_starts_later(
+    publisher, open_page
+) -> None:
+    ui = Together(UserInterface(), publisher)
+    ui.remote(RemoteShown(None, None, ("quit",)))
+    ui.remote(RemoteShown("Ada", Colour.BLACK, ("draw", "resign")))
+    news, _ = open_page(publisher).next()
+    assert news == RemoteNews(name="Ada", side="black", words=("draw", "resign"))
 
 
 def test_the_game_goes_on_whatever_becomes_of_the_page(publisher, open_page, tmp_path: Path) -> None:

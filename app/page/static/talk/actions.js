@@ -6,11 +6,13 @@ import {openEditor} from '../dialogs/editor.js';
 import {openNewGame} from '../dialogs/newgame.js';
 import {isOver} from '../game/position.js';
 import {mountHand} from './hand.js';
-import {WORDS} from './words.js';
+import {ELSEWHERE, WORDS} from './words.js';
 
-const FIRST = ['takeback', 'hint', 'draw', 'resign', 'pause'];
+const FIRST = ['takeback', 'hint', 'draw', 'resign', 'pause', 'decline', 'claim', 'abort'];
 const MORE = ['look', 'fix', 'side', 'keep', 'quit'];
 const ASKED = ['takeback', 'hint'];  // make sense only while a move is asked for
+const ONLY_ELSEWHERE = ['decline', 'claim', 'abort'];
+const KEPT = ['takeback', 'draw', 'resign', 'quit'];  // buttons that keep their places, also while they make no sense
 const REMEMBERED = 50;  // lines that the field can show again
 
 /**
@@ -92,7 +94,9 @@ export function mountActions(store, board) {
       resign: ['Give up the game?', 'The game is then lost.', 'Resign'],
       quit: ['Leave the game?', "The program ends; 'touchmove resume' continues the game later.", 'Leave'],
       keep: ['Play on from the board as it stands?', 'This game ends, and another begins from what the camera sees.', 'Begin'],
+      abort: ['Abort the game?', 'It ends without a result.', 'Abort'],
     };
+    if (store.get('remote') !== null) asks.quit[1] = `${ELSEWHERE.quit}.`;
     if (word in asks) {
       const [title, text, yes] = asks[word];
       if (!await confirm({title, text, yes, danger: word !== 'keep'})) return;
@@ -101,7 +105,7 @@ export function mountActions(store, board) {
   }
 
   function draw() {
-    const [session, game, prompt] = ['session', 'game', 'prompt'].map(store.get);
+    const [session, game, prompt, remote] = ['session', 'game', 'prompt', 'remote'].map(store.get);
     const holds = store.holds();
     const plays = session !== null && session.person !== null;
     const paused = prompt !== null && prompt.answers.length === 1 && prompt.answers[0] === 'go';
@@ -109,13 +113,15 @@ export function mountActions(store, board) {
     for (const [word, made] of buttons) made.disabled = !holds || (over && !['new', 'setup', 'quit', 'keep'].includes(word));
     for (const word of ASKED) {
       const made = buttons.get(word);
-      const waits = holds && !over && prompt?.turn !== true;
+      const waits = remote === null && holds && !over && prompt?.turn !== true;
       made.disabled ||= waits;
       made.title = waits ? `${WORDS[word].about} (once it is your turn)` : WORDS[word].about;
     }
     for (const word of ['takeback', 'draw', 'resign', 'side', 'setup', 'keep']) buttons.get(word).hidden = !plays;
     buttons.get('hint').hidden = !plays || game?.assists === false;
     for (const word of ['look', 'keep', 'fix']) buttons.get(word).hidden = !plays || !session.sees;
+    for (const word of ONLY_ELSEWHERE) buttons.get(word).hidden = !plays || remote === null;
+    if (remote !== null) elsewhere(remote);
     const {label, picture, about} = WORDS[paused ? 'go' : 'pause'];
     const pause = buttons.get('pause');
     if (pause.dataset.says !== (paused ? 'go' : 'pause')) {
@@ -128,5 +134,16 @@ export function mountActions(store, board) {
     send.disabled = !holds;
     field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : away ? 'No connection' : 'You watch: nothing can be typed here';
   }
-  for (const section of ['session', 'game', 'prompt', 'controls', 'connection']) store.subscribe(section, draw);
+
+  /** Against somebody elsewhere the game says which words make sense; setting up a position is a new game, too. */
+  function elsewhere({words}) {
+    for (const [word, made] of buttons) {
+      const sense = words.includes(word === 'setup' ? 'new' : word);
+      made.disabled ||= !sense;
+      if (!KEPT.includes(word)) made.hidden ||= !sense;
+      if (word in ELSEWHERE) made.title = ELSEWHERE[word];
+    }
+  }
+
+  for (const section of ['session', 'game', 'prompt', 'controls', 'connection', 'remote']) store.subscribe(section, draw);
 }

@@ -31,7 +31,7 @@ export function mountAsk(store, board) {
   }
 
   function what() {
-    const [session, game, prompt, controls, phase] = ['session', 'game', 'prompt', 'controls', 'phase'].map(store.get);
+    const [session, game, prompt, controls, phase, remote] = ['session', 'game', 'prompt', 'controls', 'phase', 'remote'].map(store.get);
     const holds = store.holds();
     if (session === null) return {mood: 'wait', title: 'Connecting to the game', detail: ''};
     if (store.get('connection') !== 'open' && session.live !== false) {
@@ -60,7 +60,8 @@ export function mountAsk(store, board) {
       };
     }
     if (isOver(game) && prompt === null) {
-      return {mood: 'over', title: 'The game is over', detail: outcome(game), again: holds && session.person !== null};
+      const again = holds && session.person !== null && remote === null;
+      return {mood: 'over', title: 'The game is over', detail: outcome(game), again};
     }
     if (prompt !== null) {
       const pending = board.pending();
@@ -70,10 +71,19 @@ export function mountAsk(store, board) {
       const said = context();
       const how = session.sees && !session.hands ? 'Make it on the board; the camera sees it' : `You play ${side}`;
       return {
-        mood: 'turn', title: 'Your move', detail: said === '' ? how : capital(said), answers: suggested(said),
+        mood: 'turn', title: 'Your move', detail: said === '' ? how : capital(said), answers: answers(said, remote),
       };
     }
-    return {mood: 'work', title: capital(phase || 'The robot is at work'), detail: capital(context())};
+    const said = context();
+    return {
+      mood: 'work', title: capital(phase || 'The robot is at work'), detail: capital(said),
+      answers: remote !== null && holds && session.person !== null ? answers(said, remote) : [],
+    };
+  }
+
+  /** What a sentence tells one to say; against somebody elsewhere while that makes sense. */
+  function answers(sentence, remote) {
+    return suggested(sentence).filter((word) => remote === null || remote.words.includes(word));
   }
 
   function draw() {
@@ -89,20 +99,21 @@ export function mountAsk(store, board) {
     parts.title.classList.toggle('long', now.title.length > 70);
     parts.detail.textContent = now.detail;
     parts.detail.hidden = now.detail === '';
-    const answers = (now.answers ?? []).map((answer, index) => button(
+    const chooses = session?.person && store.get('remote') === null;
+    const made = (now.answers ?? []).map((answer, index) => button(
       answerLabel(answer), WORDS[answer]?.picture ?? null,
-      () => (answer === 'new' && session?.person ? openNewGame(store) : store.say(answer)),
+      () => (answer === 'new' && chooses ? openNewGame(store) : store.say(answer)),
       {class: index === 0 ? 'primary' : '', 'data-answer': answer},
     ));
-    if (now.games) answers.push(button('Recorded games', 'games', () => openGames(store), {class: 'primary'}));
-    if (now.again) answers.push(button('New game', 'new', () => openNewGame(store), {class: 'primary'}));
+    if (now.games) made.push(button('Recorded games', 'games', () => openGames(store), {class: 'primary'}));
+    if (now.again) made.push(button('New game', 'new', () => openNewGame(store), {class: 'primary'}));
     const inside = parts.answers.contains(document.activeElement);
-    parts.answers.replaceChildren(...answers);
-    parts.answers.hidden = answers.length === 0;
-    if (inside && answers.length > 0) answers[0].focus();
+    parts.answers.replaceChildren(...made);
+    parts.answers.hidden = made.length === 0;
+    if (inside && made.length > 0) made[0].focus();
   }
 
-  for (const section of ['session', 'game', 'prompt', 'controls', 'phase', 'log', 'connection']) {
+  for (const section of ['session', 'game', 'prompt', 'controls', 'phase', 'log', 'connection', 'remote']) {
     store.subscribe(section, draw);
   }
   board.listen(draw);
