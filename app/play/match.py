@@ -41,6 +41,8 @@ from app.terminal.interface import UserInterface
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 
+UNKNOWN: Final = "?"
+"""Name of somebody elsewhere who is yet to be found, as PGN writes it."""
 PERSON: Final = "Human"
 """Name of whoever plays by hand."""
 SET_UP: Final = GameEnd("*", "set up", complete=True)
@@ -238,6 +240,7 @@ class Match:
         table = self._table = self._table_setup.table(devices, record, position, self._ui, human, *told)
         if self._sets_up:
             goal = self._fixture.board
+            self._ui.clock(None)  # those of the game before are no more
             return Round(record, lambda: _set_up(table, goal), dict)
         clock = clock_of(self._fixture.clock, counted_plies(record.events))
         timing = Timing(clock, devices.clock.now, show=self._ui.clock)
@@ -273,6 +276,8 @@ class Match:
             for colour in chess.COLORS
         }
         control, site = None if clock is None else clock.white.pgn, "?"
+        if self._fixture.opponent is not None and opponent is None and human is not None:
+            names[not human.colour] = UNKNOWN
         if opponent is not None:
             listing = opponent.listing
             here = names[not opponent.colour] if listing.here is None else listing.here

@@ -28,6 +28,10 @@ ENDLESS: Final = 1 << 30
 """Plies of a game that ends by nothing else than its rules and its players."""
 
 
+NOBODY_YET: Final = RemoteShown(None, None, (Word.QUIT,))
+"""While somebody to play against is looked for."""
+
+
 class OpponentSource(Protocol):
     """Where opponents come from."""
 
@@ -44,15 +48,22 @@ class SeatedInterface(Together):
     def __init__(self, ui: UserInterface) -> None:
         super().__init__(ui)
         self._shown: SessionShown | None = None
+        self._remote: RemoteShown | None = None
 
     def session(self, shown: SessionShown) -> None:
         """See ``UserInterface.session``."""
         self._shown = shown
         super().session(shown)
 
+    def remote(self, shown: RemoteShown) -> None:
+        """See ``UserInterface.remote``."""
+        self._remote = shown
+        super().remote(shown)
+
     def wait(self) -> None:
         """Nobody is found yet: one can only leave."""
-        self.remote(RemoteShown(None, None, (Word.QUIT,)))
+        if self._remote != NOBODY_YET:
+            self.remote(NOBODY_YET)
 
     def seat(self, person: Colour) -> None:
         """The person has this colour."""
@@ -69,16 +80,17 @@ class RemoteSeries:
         human: who plays here; None: an engine does.
         players: makes the engine that plays here, whichever colour it will have; nobody where a person plays.
         seat: told the colour of the person who plays here, once it is known.
+        wait: told whenever somebody is looked for.
         plies: each game ends after so many in any case.
     """
 
     def __init__(
         self, source: OpponentSource, board: chess.Board, human: Human | None,
         players: Callable[[ExitStack], Players], seat: Callable[[Colour], None] = lambda _: None,
-        plies: int = ENDLESS,
+        wait: Callable[[], None] = lambda: None, plies: int = ENDLESS,
     ) -> None:  # fmt: skip
         self._source, self._board, self._human, self._players = source, board, human, players
-        self._seat, self._plies = seat, plies
+        self._seat, self._wait, self._plies = seat, wait, plies
 
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
         """See ``Fixtures``."""
@@ -87,6 +99,7 @@ class RemoteSeries:
         return Fixture(self._board.copy(), self._players, self._plies, self._human, opponent=self._find)
 
     def _find(self) -> RemoteOpponent | None:
+        self._wait()
         opponent = self._source.find()
         if opponent is not None and self._human is not None:
             self._seat(Colour.BLACK if opponent.colour else Colour.WHITE)

@@ -133,7 +133,7 @@ def _remote_match(
             Players(None, None) if human is not None else engine_of_both(settings, stack, ui, rig_setup.pace)
         )
 
-    series = RemoteSeries(source, board, human, players, ui.seat, plies)
+    series = RemoteSeries(source, board, human, players, ui.seat, ui.wait, plies)
     table_setup = table_setup_of(settings, rig_setup, human, lines)
     match = Match(folder, series, table_setup, ui, settings.rig.seed, rig_setup.pace)
     return stack.enter_context(match), board

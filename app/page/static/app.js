@@ -50,6 +50,7 @@ byId('open-settings').addEventListener('click', () => openSettings(store, {sound
 let linked = readPlace().game;
 store.subscribe('session', (session) => {
   if (session === null) return;
+  document.body.classList.toggle('recorded', session.live === false && !session.ended);
   const shows = linked ?? session.shows;
   linked = null;
   if (shows) store.showRecord(shows);

@@ -323,10 +323,13 @@ def test_one_game_after_the_other_with_the_pieces_set_up_first(tmp_path: Path) -
         ScriptedOpponent(chess.BLACK, [line_of(*MATE), over]),
         ScriptedOpponent(chess.WHITE, [line_of("d4", "d5"), over]),
     ]
-    done = run_remote_games(settings(tmp_path), Told(), TypedWhenAsked("e3", "d5"), Source(*games))
+    ui = Told()
+    done = run_remote_games(settings(tmp_path), ui, TypedWhenAsked("e3", "d5"), Source(*games))
     assert [folder.name for folder in (done.folder, *(one.folder for one in done.before[1:]))] == ["game-2", "set-up-2"]
     assert sans(tmp_path / "game-2") == "1. d4 d5"
     assert pgn(tmp_path / "game-2").headers["Black"] == "Bob"
+    assert [pgn(tmp_path / "set-up-2").headers[side] for side in ("White", "Black")] == ["Human", "?"]
+    assert [one.name for one in ui.remotes if one.words == ("quit",)] == [None, "Ada", None, "Ada"]
 
 
 def test_the_clock_that_counts_is_theirs(tmp_path: Path) -> None:

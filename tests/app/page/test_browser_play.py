@@ -11,7 +11,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.page.web.static_files import StaticFiles
-from app.players.commands import NewGame, parse_command
+from app.players.commands import NewGame, help_text, parse_command
+from app.terminal.shown import RemoteShown
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage
 from tests.app.page.scenes import PROMOTING, elsewhere, my_turn, played, rematch
@@ -352,6 +353,43 @@ def test_after_a_game_elsewhere_a_rematch_or_another_opponent_is_one_word(set_st
     said(stage, "new")
     button(visitor.page, "Rematch")
     said(stage, "rematch")
+
+
+def test_while_an_opponent_is_looked_for_the_page_says_so(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    played(stage, "f2f3", "e7e5", "g2g4", "d8h4")
+    stage.game.record.end("0-1", "checkmate", stage.game.plant)
+    expect(visitor.page.locator("#ask[data-mood=over]")).to_be_visible()
+    stage.game.publisher.phase("looking for an opponent (15+10, casual); say 'quit' to leave")
+    stage.game.publisher.remote(RemoteShown(None, None, ("quit",)))
+    expect(visitor.page.locator("#ask .ask-title")).to_contain_text("Looking for an opponent")
+    expect(visitor.page.locator("#phase-text")).to_contain_text("Looking for an opponent")
+    assert sorted(shown_words(visitor)) == ["flip", "quit"]
+
+
+def test_where_no_arm_can_be_stopped_the_head_offers_a_pause_only_for_clocks_that_stand_here(
+    set_stage: SetStage, visit: Visit
+) -> None:
+    stage = set_stage(stoppable=False)
+    visitor = visit(stage)
+    expect(visitor.page.locator("#stop-text")).to_have_text("Pause")
+    elsewhere(stage, "draw", "resign")
+    expect(visitor.page.locator("#stop")).to_be_hidden()
+    visitor.page.keyboard.press("Escape")
+    visitor.page.keyboard.press("Escape")
+    button(visitor.page, "Draw")
+    said(stage, "draw")
+
+
+def test_what_takes_many_lines_is_read_in_the_log(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    stage.game.publisher.say(help_text())
+    asked_to_move(stage, visitor)
+    expect(visitor.page.locator("#ask .ask-detail")).to_have_text("You play White")
+    lines = visitor.page.locator("#log li.say .words").last.inner_text().splitlines()
+    assert len(lines) >= len(help_text().splitlines())
 
 
 def test_between_people_nothing_is_given_away(set_stage: SetStage, visit: Visit) -> None:

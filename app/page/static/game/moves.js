@@ -55,7 +55,7 @@ export function mountMoves(store) {
     opening.textContent = game?.opening ? `${game.opening.eco} ${game.opening.name}` : '';
     opening.title = opening.textContent;
     const over = isOver(game);
-    result.hidden = !over;
+    result.hidden = !over || game.sets_up;
     if (over) result.textContent = outcome(game);
     mark();
   }
@@ -93,6 +93,7 @@ export function mountMoves(store) {
     for (const step of steps.slice(2)) step.disabled = !viewing;
     // only the list scrolls, never the page
     const current = buttons[here - 1];
+    if (here === 0) scroll.scrollTop = 0;
     if (current !== undefined) {
       const box = current.closest('li');
       if (scroll.scrollHeight > scroll.clientHeight) {

@@ -125,6 +125,11 @@ export function isOver(game) {
   return game !== null && (game.reason !== null || game.result !== '*');
 }
 
+/** Whether somebody to play against is being looked for elsewhere. */
+export function seeks(remote) {
+  return remote !== null && remote.name === null;
+}
+
 /** How a game has ended, for people: "0-1 · checkmate". */
 export function outcome({result, reason}) {
   const score = result === '*' ? '' : result.replaceAll('1/2', '½');

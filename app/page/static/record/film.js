@@ -23,12 +23,8 @@ export class Film {
     this.video.muted = true;
     this.still = make('img', {class: 'tm-video', alt: '', hidden: true});
     this.caption = make('p', {class: 'tm-sentence'});
-    this.root = make(
-      'div',
-      {class: 'tm-film'},
-      make('div', {class: 'tm-film-frame'}, this.video, this.still),
-      this.caption,
-    );
+    this.box = make('div', {class: 'tm-film-frame'}, this.video, this.still);
+    this.root = make('div', {class: 'tm-film'}, this.box, this.caption);
     this.video.addEventListener('seeked', () => this.#again());
     this.video.addEventListener('loadedmetadata', () => this.show(this.t, this.ply, this.speed));
     this.video.addEventListener('error', () => {
@@ -48,6 +44,7 @@ export class Film {
     if (filmed) this.#roll(at, speed);
     else if (!this.video.paused) this.video.pause();
     this.#picture(filmed ? null : ply);
+    this.box.hidden = !filmed && this.still.hidden; // nothing but a dark field
     say(this.caption, filmed ? 'Film' : this.still.hidden ? 'Nothing was filmed at this moment.' : this.still.alt);
   }
 

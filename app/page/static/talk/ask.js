@@ -3,7 +3,7 @@
 import {byId, button, capital, icon, make} from '../dom.js';
 import {openGames} from '../dialogs/games.js';
 import {openNewGame} from '../dialogs/newgame.js';
-import {isOver, outcome} from '../game/position.js';
+import {isOver, outcome, seeks} from '../game/position.js';
 import {WORDS, answerLabel, suggested} from './words.js';
 
 const BARE = 10;  // 'done?', 'go on?' [characters]
@@ -24,10 +24,11 @@ export function mountAsk(store, board) {
   card.append(make('div', {class: 'ask-head'}, parts.picture, make('div', {}, parts.title, parts.detail)), parts.answers);
   let drawn = '';
 
-  /** What the robot has just said, unless something has been said or done since. */
+  /** What the robot has just said, unless something has been said or done since; what takes many lines is in the log. */
   function context() {
     const last = (store.get('log') ?? []).at(-1);
-    return last?.kind === 'say' || last?.kind === 'trouble' ? last.text : '';
+    const said = last?.kind === 'say' || last?.kind === 'trouble';
+    return said && !last.text.includes('\n') ? last.text : '';
   }
 
   function what() {
@@ -59,7 +60,7 @@ export function mountAsk(store, board) {
         answers: holds ? prompt.answers : [],
       };
     }
-    if (isOver(game) && prompt === null) {
+    if (isOver(game) && prompt === null && !seeks(remote)) {
       const again = holds && session.person !== null && remote === null;
       return {mood: 'over', title: 'The game is over', detail: outcome(game), again};
     }

@@ -1,7 +1,7 @@
 /** What was said, and how the devices are. */
 
 import {byId, capital, icon, make} from '../dom.js';
-import {isOver} from '../game/position.js';
+import {isOver, seeks} from '../game/position.js';
 
 const KEPT = 200;
 const MARKS = {say: 'say', heard: 'heard', phase: 'phase', trouble: 'warning'};
@@ -77,11 +77,11 @@ export function mountLog(store, mark) {
 
   /** What is asked counts for more than what was done last; the clocks in it have gone on since. */
   function drawPhase() {
-    const idle = isOver(store.get('game')) || store.get('session')?.live === false;
+    const idle = (isOver(store.get('game')) && !seeks(store.get('remote'))) || store.get('session')?.live === false;
     const asked = store.get('prompt')?.text.replace(/ \([\d:.]+ - [\d:.]+\)/, '');
     const now = asked || (idle ? '' : store.get('phase')) || '';
     byId('phase-text').textContent = capital(now);
     byId('phase').hidden = now === '';
   }
-  for (const section of ['phase', 'prompt', 'game', 'session']) store.subscribe(section, drawPhase);
+  for (const section of ['phase', 'prompt', 'game', 'session', 'remote']) store.subscribe(section, drawPhase);
 }

@@ -26,6 +26,7 @@ export function mountStop(store, banners) {
   }
 
   function press() {
+    if (stop.hidden) return;
     if (!stoppable()) {
       store.say('pause');
       return;
@@ -85,16 +86,15 @@ export function mountStop(store, banners) {
     over();
     banners.set('stop', {kind: 'danger', text: `STOP: ${text}. If it moves, stop it by its own switch.`});
   });
-  store.subscribe('controls', (controls) => {
+  function draw() {
     const stops = stoppable();
     stop.classList.toggle('pauses', !stops);
     byId('stop-text').textContent = stops ? 'STOP' : 'Pause';
-    stop.disabled = !stops && controls !== null && !store.holds();
+    stop.disabled = !stops && store.get('controls') !== null && !store.holds();
+    stop.hidden = !stops && store.get('remote') !== null;  // no arm to stop, and no clock: the one that counts is elsewhere
     show();
-  });
-  store.subscribe('session', () => {
-    stop.disabled = !stoppable() && !store.holds();
-  });
+  }
+  for (const section of ['controls', 'session', 'remote']) store.subscribe(section, draw);
   byId('stop').setAttribute('aria-keyshortcuts', 'Escape Escape');
   byId('stop').append(make('span', {class: 'unseen'}, ': the arm stops at once; Escape twice does the same'));
 }
