@@ -64,7 +64,8 @@ class LinkedSource:
             return False
         peer.rematch(asks=asks)
         if asks:
-            self._ui.prompt("a rematch, with the colours changed?", (Word.NEW, Word.QUIT), ())
+            question = f"a rematch, with the colours changed? say '{Word.NEW}' or '{Word.QUIT}'"
+            self._ui.prompt(question, (Word.NEW, Word.QUIT), ())
         until = time.monotonic() + QUESTION
         while peer.there and (asks or (peer.they_ask is not False and time.monotonic() < until)):
             match opponent.next(POLL):

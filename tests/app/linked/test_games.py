@@ -50,14 +50,18 @@ class Shown(UserInterface):
 
 
 class Person(Shown):
-    """Answers whenever they are asked: ``UserInterface`` and ``Lines`` in one."""
+    """Answers whenever they are asked, and wants no rematch: ``UserInterface`` and ``Lines`` in one."""
 
     def __init__(self, *lines: str, accompanied: bool = False) -> None:
         super().__init__()
         self._lines, self._asked, self.accompanied = list(lines), False, accompanied
+        self.prompted: list[str] = []
 
-    def prompt(self, *_: object, **__: object) -> None:
+    def prompt(self, sentence: str, *_: object, **__: object) -> None:
         self._asked = True
+        self.prompted.append(sentence)
+        if "rematch" in sentence and not self._lines:
+            self._lines.append("quit")
 
     def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         super().say(sentence, squares)
@@ -158,9 +162,9 @@ def test_people_at_both_tables_agree_on_a_draw_and_the_guest_plays_the_other_col
     port = free_port()
     host = start(
         settings(tmp_path, "host", port, game__fen=ENDING, link__person=True, link__color="black", link__name="Ada"),
-        Person("Kd6", "draw", "quit"),
+        Person("Kd6", "draw"),
     )
-    guest = start(settings(tmp_path, "guest", port, link__person=True), Person("Ke4", "draw", "quit"))
+    guest = start(settings(tmp_path, "guest", port, link__person=True), Person("Ke4", "draw"))
     reports = [playing.end().report for playing in (guest, host)]
     assert [(one.result, one.exit_reason) for one in reports] == [("1/2-1/2", "draw by agreement")] * 2
     assert alike(tmp_path) == ["e3e4", "e6d6"]
@@ -181,6 +185,8 @@ def test_a_rematch_is_played_with_the_colours_changed_and_an_engine_agrees_to_on
     guest = start(settings(tmp_path, "guest", port, engine__nodes=50))
     results = [playing.end() for playing in (host, guest)]
     assert [result.report.result for result in results] == ["1-0", "1-0"]
+    asked = [sentence for sentence in person.prompted if "move" not in sentence]
+    assert asked == ["a rematch, with the colours changed? say 'new' or 'quit'"] * 2
     for role in ("host", "guest"):
         first, second = game_of(tmp_path / role), game_of(tmp_path / role / "game-2")
         assert (first.headers["White"], first.headers["Result"]) == ("Ada", "0-1")
