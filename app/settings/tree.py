@@ -341,11 +341,9 @@ class LinkSection(_Section):
     port: Annotated[int, Field(ge=1, le=65535)] = 8065
     """TCP port of the host."""
     secret: Path | None = None
-    """File with the secret that both robots share, one line that only its owner can read. If left out, it is asked for
-    at the terminal."""
+    """File with the secret of both robots, one line that only its owner can read. If left out: the terminal asks."""
     identity: Path | None = None
-    """Folder of this robot's key and certificate, which are made at first use. If left out, in the user's
-    configuration."""
+    """Folder of this robot's key and certificate, made at first use. If left out: in the user's configuration."""
     color: Colour = Colour.WHITE
     """The host's pieces in the first game."""
     person: bool = False
