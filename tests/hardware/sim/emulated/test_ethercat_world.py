@@ -64,7 +64,7 @@ def test_devices_without_their_cable_say_how_their_world_is_started(tmp_path: Pa
 
 
 def test_what_cannot_be_a_world_is_one_sentence(tmp_path: Path) -> None:
-    """Whatever it is, the process says it: once before and once after it has loaded everything is enough to see that."""
+    """Whatever it is, the process says it: seen once before and once after it has loaded everything."""
     assert "nothing can be written" in refused(tmp_path / "nowhere")
     assert "no world settings" in refused(tmp_path)
     keep_settings(settings(pace=Pace.FAST), tmp_path)

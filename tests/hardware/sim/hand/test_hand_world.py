@@ -182,9 +182,7 @@ def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(shared: W
         assert math.dist((knight.x, knight.y), (held.x, held.y)) < 0.03
 
 
-def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(
-    tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(tmp_path: Path, request: pytest.FixtureRequest) -> None:
     world = WorldProcess(tmp_path)
     request.addfinalizer(world.kill)
     hand = SimHand(world.run_dir)
