@@ -119,7 +119,7 @@ def test_a_stopped_engine_that_listened_before_is_known_by_its_pulse(
         engine.choose(chess.Board(), chess.engine.Limit(nodes=1))
         timer = threading.Timer(1.0, os.kill, (engine.pid, signal.SIGSTOP))
         timer.start()
-        chosen = engine.choose(chess.Board(), chess.engine.Limit(white_clock=600.0, time=8.0))
+        chosen = engine.choose(chess.Board(), chess.engine.Limit(white_clock=600.0, time=4.0))
         timer.join()
     assert chosen.troubles == ("it has not listened for 2 s in the middle of a search",)
     assert 2.0 < chosen.lost < 60.0  # far from the half of its clock that it may take

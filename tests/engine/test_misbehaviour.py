@@ -294,7 +294,7 @@ PAWNS = "4k3/P6P/8/2pP4/8/8/8/R3K2R w KQ c6 0 1"
 @given(
     answer=st.one_of(UCI_WORDS, st.sampled_from([m.uci() for m in chess.Board(PAWNS).legal_moves]), st.text("a1 0-@N"))
 )
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_whatever_is_answered_only_legal_moves_come_out(answering: tuple[Engine, Path], answer: str) -> None:
     engine, answer_file = answering
     answer_file.write_text(answer)

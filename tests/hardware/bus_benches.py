@@ -43,7 +43,9 @@ from hardware.sim.process.settings import WorldSettings, keep_settings
 from tests.hardware.drives.ethercat.privileges import require_privileges
 from tests.waiting import PATIENCE
 
-KINDS: Final = ("sim-fast", "sim-real", "inside", "moteus", "ethercat")
+ALL_KINDS: Final = ("sim-fast", "sim-real", "inside", "moteus", "ethercat")
+LOCKSTEP: Final = ("sim-fast", "inside")
+"""Their time waits, so that nobody who uses them has to be punctual."""
 DRIVES: Final = DriveSettings()
 ROBOT: Final = DRIVES.robot(load_parameters())
 MOTEUS: Final = MoteusSettings(brakes=PinSettings(id=4, aux=2, pin=1))
@@ -148,7 +150,8 @@ class Bench:
             said = self.exchange(FREE._replace(torque=(one, two, three)))
         else:
             pytest.fail(f"{self.kind} does not come home: {said}, {self.told}")
-        self.run(POWERED, 300)
+        self.until(POWERED, lambda said: said.status & DriveStatus.BRAKED and max(map(abs, said.velocity)) < 0.01)
+        self.run(POWERED, 60)
 
     def calmly(self, test: Callable[[], T]) -> T:
         """Do it until this machine does not disturb it; the arm begins at home."""

@@ -17,9 +17,18 @@ import pytest
 
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, Measurement, Pace, fault_of
 from hardware.sim.process.server import World
-from tests.hardware.bus_benches import DRIVES, ENDED, FREE, KINDS, POWERED, REST, ROBOT, Bench, world_settings
-
-pytestmark = pytest.mark.real_time
+from tests.hardware.bus_benches import (
+    ALL_KINDS,
+    DRIVES,
+    ENDED,
+    FREE,
+    LOCKSTEP,
+    POWERED,
+    REST,
+    ROBOT,
+    Bench,
+    world_settings,
+)
 
 PERIOD = DRIVES.period
 PEAK = ROBOT.drive.peak_torque
@@ -32,6 +41,9 @@ AT_REST = 0.01
 """Velocity of a joint on its brakes [rad/s]."""
 BRAKING = 0.5
 """Within which an arm that was let go is at rest on its brakes [s]."""
+
+
+KINDS = [kind if kind in LOCKSTEP else pytest.param(kind, marks=pytest.mark.real_time) for kind in ALL_KINDS]
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -58,7 +70,7 @@ def is_sound(said: Measurement) -> bool:
 
 def test_it_says_its_period_and_whether_time_waits(bench: Bench) -> None:
     assert bench.bus.period == PERIOD
-    assert bench.bus.lockstep == (bench.kind in ("sim-fast", "inside"))
+    assert bench.bus.lockstep == (bench.kind in LOCKSTEP)
 
 
 def test_measurements_are_sound_and_ticks_go_on(bench: Bench) -> None:
@@ -200,21 +212,23 @@ def test_a_torque_beyond_the_peak_is_cut_and_told(bench: Bench, tmp_path: Path) 
     assert max(abs(one.velocity[0]) for one in said) == pytest.approx(fastest, rel=0.25)
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_brakes_and_is_a_fault_until_disabled(bench: Bench, wrong: float) -> None:
-    for command in (torques(0.0, wrong, 0.0), POWERED._replace(finger_velocity=wrong)):
+@pytest.mark.parametrize(
+    "command",
+    [torques(0.0, math.nan, 0.0), torques(math.inf, 0.0, 0.0), torques(0.0, 0.0, -math.inf)]
+    + [POWERED._replace(finger_velocity=wrong) for wrong in (math.nan, math.inf)],
+)
+def test_what_is_no_number_brakes_and_is_a_fault_until_disabled(bench: Bench, command: Command) -> None:
+    def law() -> None:
+        bench.exchange(command)
+        for said in bench.run(FREE, 50)[3:]:
+            assert said.status & DriveStatus.FAULT
+            assert said.status & DriveStatus.BRAKED
+            assert not said.status & DriveStatus.ENABLED
+            assert fault_of(said.status)[1] in (DriveTrouble.NOT_FINITE, DriveTrouble.UNSPECIFIED)
+        assert not bench.run(REST._replace(busy=True), 20)[-1].status & ENDED
+        bench.until(POWERED, lambda said: said.status & DriveStatus.ENABLED)
 
-        def law(command: Command = command) -> None:
-            bench.exchange(command)
-            for said in bench.run(FREE, 50)[3:]:
-                assert said.status & DriveStatus.FAULT
-                assert said.status & DriveStatus.BRAKED
-                assert not said.status & DriveStatus.ENABLED
-                assert fault_of(said.status)[1] in (DriveTrouble.NOT_FINITE, DriveTrouble.UNSPECIFIED)
-            assert not bench.run(REST._replace(busy=True), 20)[-1].status & ENDED
-            bench.until(POWERED, lambda said: said.status & DriveStatus.ENABLED)
-
-        bench.calmly(law)
+    bench.calmly(law)
 
 
 # ------------------------------------------------------------------------------------------------------------- silence

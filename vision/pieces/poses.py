@@ -60,6 +60,7 @@ def _rings(kind: Kind) -> Array:
     return np.stack([np.interp(at, length, profile[:, 0]), np.interp(at, length, profile[:, 1])], axis=1)
 
 
+@lru_cache(maxsize=1)  # a pose's silhouette and its surface are asked for one after the other, thousands of times
 def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
     """Middle of the underside (3,) [m] and, as rows, two directions across the axis and the axis itself, (3, 3)."""
     if pose.yaw is None:
@@ -68,11 +69,10 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
     radius = _RESTS * shape.foot_radius
     lean = math.atan2(radius - shape.stem_radius, shape.height - shape.stem_radius - shape.foot_height)
     cos, sin = math.cos(lean), math.sin(lean)
-    ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    across = np.cross(up, ahead)
+    x, y = math.cos(pose.yaw), math.sin(pose.yaw)  # ahead
     height = radius * cos + shape.foot_height * sin
-    return np.array([pose.x, pose.y, height]), np.stack([across, cos * up + sin * ahead, cos * ahead - sin * up])
+    axes = np.array([[-y, x, 0.0], [sin * x, sin * y, cos], [cos * x, cos * y, -sin]])
+    return np.array([pose.x, pose.y, height]), axes
 
 
 def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
@@ -128,8 +128,9 @@ def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origi
     points = start + rings[:, 1, None, None] * axes[2] + rings[:, 0, None, None] * round_
     pixels = view.project(points) - np.array(origin, dtype=float)
     flat = pixels.reshape(-1, 2)
-    left, top = np.clip(np.floor(flat.min(axis=0)).astype(int), 0, (shape[1], shape[0])).tolist()
-    right, bottom = np.clip(np.ceil(flat.max(axis=0)).astype(int) + 1, (left, top), (shape[1], shape[0])).tolist()
+    (first_u, first_v), (last_u, last_v) = flat.min(axis=0).tolist(), flat.max(axis=0).tolist()
+    left, top = min(max(math.floor(first_u), 0), shape[1]), min(max(math.floor(first_v), 0), shape[0])
+    right, bottom = min(max(math.ceil(last_u) + 1, left), shape[1]), min(max(math.ceil(last_v) + 1, top), shape[0])
     mask = np.zeros((bottom - top, right - left), dtype=np.uint8)
     underside = np.zeros_like(mask)
     if mask.size:
@@ -138,7 +139,7 @@ def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origi
             cv2.fillConvexPoly(mask, cv2.convexHull(np.concatenate([first, second])), 1, shift=4)
         if (view.camera_position - start) @ axes[2] < 0.0:
             cv2.fillConvexPoly(underside, local[0], 1, shift=4)
-    return Drawn(slice(top, bottom), slice(left, right), mask.astype(bool), underside.astype(bool))
+    return Drawn(slice(top, bottom), slice(left, right), mask.view(np.bool_), underside.view(np.bool_))
 
 
 class PoseTrial(NamedTuple):

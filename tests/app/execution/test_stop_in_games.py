@@ -35,13 +35,13 @@ from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 TICK = PARAMETERS.drive.tick
-STOPS, SEED = 50, 20
+STOPS, SEED = 25, 20
 REST = 0.3
 """After STOP the arm rests within this [s, plant]."""
 RESTING = 0.005
 """A tool slower than this is at rest [m/s]."""
-LINE = "e4 d5 exd5 Nf6 Bb5+ c6 dxc6 bxc6 Bd3 e5 Nf3 Bc5 O-O O-O Nxe5 Re8 Nc3 Bxf2+ Rxf2 Rxe5"
-"""Quiet moves, captures and castlings."""
+LINE = "e4 d5 exd5 Nf6 Bb5+ c6 dxc6 bxc6 Nf3 e5 O-O"
+"""Quiet moves, captures and a castling."""
 
 
 class Presser:
@@ -87,7 +87,7 @@ def _rests(telemetry: Telemetry) -> bool:
 
 
 @pytest.mark.slow
-def test_fifty_stops_in_a_game_cost_time_and_nothing_else(tmp_path: Path) -> None:
+def test_stops_in_a_game_cost_time_and_nothing_else(tmp_path: Path) -> None:
     board = chess.Board()
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     presser, world = Presser(), WorldSection(pace=Pace.FAST, cameras=False, linger=5.0)
@@ -118,8 +118,8 @@ def test_fifty_stops_in_a_game_cost_time_and_nothing_else(tmp_path: Path) -> Non
     print(f"at rest after {soon:.3f} s, at most {late:.3f} s; pieces within {placed:.2f} mm")
     assert len(presser.rests) == STOPS
     assert late < REST
-    assert moving > 10
-    assert holding > 10
+    assert moving > 5
+    assert holding > 5
 
 
 def _moves(board: chess.Board) -> list[chess.Move]:

@@ -57,7 +57,7 @@ def planned(ply: Ply, inventory: Inventory, motion: MotionSettings = MOTION) -> 
 @pytest.mark.parametrize(("seed", "board_at"), [(0, 10), (1, 120), (2, 260), (3, 350)])
 def test_plans_of_random_games_pass_the_controllers_protection(seed, board_at):
     check = SampleCheck(default_limits(PARAMETERS, TABLE), TICK)
-    for ply, inventory in games(seed, 16):
+    for ply, inventory in games(seed, 10):
         plan = planned(ply, inventory)
         reference = HOME
         for each in plan.motions:

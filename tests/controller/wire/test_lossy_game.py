@@ -21,8 +21,8 @@ def play(folder: Path) -> dict[str, Any]:
     """The line, as ``touchmove demo`` plays it; its report."""
     settings = settings_of(
         {
-            "rig.pace": Pace.FAST, "rig.seed": 3, "rig.video": False, "rig.linger": 5.0, "game.plies": 2,
-            "game.moves": LINE, "out": folder,
+            "rig.pace": Pace.FAST, "rig.seed": 3, "rig.video": False, "rig.cameras": False, "rig.linger": 5.0,
+            "game.plies": 2, "game.moves": LINE, "out": folder,
         }
     )  # fmt: skip
     done = run_games(settings, UserInterface())

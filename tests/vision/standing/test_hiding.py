@@ -35,7 +35,7 @@ def suspected(frame, expected):
     return hiding_places([place for place in SQUARES if place not in expected], fit, view)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_pawn_right_behind_a_king_is_suspected_there_and_of_its_side(studio, seed):
     """The camera hangs on Black's side: a king of Black's hides White's pawn on the rank before him."""
     board = chess.Board("8/4p3/8/3k4/3P4/8/4P3/4K3 w - - 0 1")
@@ -52,8 +52,8 @@ def test_a_pawn_right_behind_a_king_is_suspected_there_and_of_its_side(studio, s
 
 def test_where_nothing_hides_next_to_nothing_is_suspected(studio):
     count = 0
-    for seed in range(60, 70):
+    for seed in range(60, 66):
         board, scene = random_board(seed), Scene(studio, TABLE, seed)
         expected = {piece.place: piece for piece in start_layout(board, TABLE)}
         count += len(suspected(scene.picture(board), expected))
-    assert count <= 6  # of some 470
+    assert count <= 4  # of some 280

@@ -31,7 +31,7 @@ def pictures(scene, board):
     return [scene.picture(board), scene.picture(), scene.picture()]
 
 
-@pytest.mark.parametrize("seed", range(300, 305))
+@pytest.mark.parametrize("seed", range(300, 303))
 def test_what_is_said_is_so_and_next_to_nothing_is_asked(studio, seed):
     board = random_board(seed)
     found = recognised(pictures(Scene(studio, TABLE, seed), board), TABLE)

@@ -121,6 +121,7 @@ def _rows(figures: HandFigures) -> dict[str, Row]:
     rows = {}
     if figures.rest:
         rows["hand_to_rest"] = row(figures.rest, "s", REST_LIMIT, "max")
+    if figures.hands:
         rows["hand_missed"] = row([figures.missed], "hands", 0.0, "max")
         rows["hand_touched_first"] = row([len(figures.yielded)], "hands")
         rows["hand_pushed_to_brakes"] = row([figures.braked], "hands")

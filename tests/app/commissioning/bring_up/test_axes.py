@@ -86,7 +86,7 @@ AXES: list[tuple[str, Fault, str, str, str]] = [
 @pytest.mark.parametrize(
     ("fault", "device", "found", "advice"), [row[1:] for row in AXES], ids=[row[0] for row in AXES]
 )
-@pytest.mark.parametrize(("seed", "place"), [(None, HOME), (7, HOME), (8, ASIDE)])
+@pytest.mark.parametrize(("seed", "place"), [(None, HOME), (8, ASIDE)])
 def test_each_planted_fault_is_stopped_with_its_sentence(
     wall: Wall, fault: Fault, device: str, found: str, advice: str, seed: int | None, place: tuple[float, float, float]
 ) -> None:
@@ -103,8 +103,9 @@ def test_each_planted_fault_is_stopped_with_its_sentence(
     assert not bus.commands[-1].enable
 
 
-@pytest.mark.parametrize("seed", [None, *range(1, 9)])
-@pytest.mark.parametrize("place", [HOME, ASIDE])
+@pytest.mark.parametrize(
+    ("seed", "place"), [(None, HOME), (None, ASIDE), *((seed, (HOME, ASIDE)[seed % 2]) for seed in range(1, 9))]
+)
 def test_a_robot_without_faults_passes_whatever_it_weighs(
     wall: Wall, seed: int | None, place: tuple[float, float, float]
 ) -> None:

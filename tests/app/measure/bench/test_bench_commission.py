@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
+from app.commissioning import identify
 from app.commissioning.bring_up import motions, runs
 from app.commissioning.bring_up.steps import CommissionStep, StepState
 from app.commissioning.identification import excitation
+from app.commissioning.identification.survey import survey
 from app.measure.bench.unknown.commission import FAULTS, TOOL_LIMIT, try_fault, whole
 from app.settings.tree import Drives
 from hardware.sim.process.planted import PlantedKind
@@ -19,10 +23,11 @@ def test_every_fault_is_expected_at_one_of_the_first_two_steps() -> None:
 
 @pytest.mark.slow
 def test_an_unknown_robot_is_brought_up_to_its_first_game(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every step, with fewer poses on quicker ways than a lab takes, and a motion that was searched for less long."""
+    """Every step, with fewer poses on quicker ways than a lab takes, and a shorter motion, searched for less long."""
     monkeypatch.setattr(motions, "CREEP", motions.CREEP.model_copy(update={"speed": 0.5, "acceleration": 5.0}))
-    monkeypatch.setattr(motions, "_AROUND", 2)
+    monkeypatch.setattr(motions, "_AROUND", 1)
     monkeypatch.setattr(excitation, "_CHANGES", 150)
+    monkeypatch.setattr(identify, "survey", partial(survey, duration=12.0))
     monkeypatch.setattr(runs, "GAME_PLIES", 1)
     report, _again = whole(Drives.SIM, 77, lambda _: None)
     assert {line.step: line.state for line in report.steps} == dict.fromkeys(CommissionStep, StepState.HELD), report

@@ -21,6 +21,7 @@ from app.commissioning.link_test import ProcessorTime, stolen_share
 from app.measure.bench import run_bench
 from app.measure.bench.beds.watched_page import Watched
 from app.measure.bench.loop import WAY, loop_rows, sweep, sweep_motion, thinking, watched_rows
+from app.measure.bench.report import Progress
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
@@ -210,7 +211,15 @@ def test_watchers_cost_and_get_so_much_a_second() -> None:
 
 @pytest.mark.slow
 def test_the_bench_runs_with_watchers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(loop_bench.DURATION, True, 2.0)
+    monkeypatch.setitem(loop_bench.DURATION, True, 1.0)
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # so many threads think: what they cost is the bench's business
+    measured = loop_bench._measured
+
+    def watched(duration: float, progress: Progress, watchers: int, *, cameras: bool) -> Any:
+        """The run without watchers would do nothing else than the one with them does."""
+        return measured(duration, progress, watchers, cameras=cameras) if watchers else (an_end(False), 0, 0.0, {})
+
+    monkeypatch.setattr(loop_bench, "_measured", watched)
     report = run_bench("loop", quick=True, progress=lambda step: None, watchers=2)
     rows = report.rows
     assert report.holds == all(one.holds for one in rows.values())
@@ -218,7 +227,7 @@ def test_the_bench_runs_with_watchers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rows["telemetry"].n == 2
     assert rows["telemetry"].mean > 1.0
     assert rows["missed_ticks"].n > 1000
-    assert rows["missed_unwatched"].n > 1000
+    assert rows["missed_unwatched"].n == 10_000
     assert rows["arm_not_at_rest"].max == 0.0
 
 

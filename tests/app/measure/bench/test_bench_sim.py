@@ -8,15 +8,17 @@ from contextlib import nullcontext
 import pytest
 
 from app.measure.bench import sim
+from app.settings.files import settings_of
 
 
 @pytest.mark.slow
 def test_a_game_repeats_itself_in_one_process_and_in_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the bench's load and its games at once would measure is left out: that is this machine's."""
+    """What the bench's load and its games at once would measure is left out: that is this machine's. So are cameras."""
     core = min(os.sched_getaffinity(0))
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {core})
     monkeypatch.setattr(sim, "_load", nullcontext)
     monkeypatch.setitem(sim.PLIES, True, 1)
+    monkeypatch.setattr(sim, "settings_of", lambda given: settings_of({**given, "rig.cameras": False}))
     said: list[str] = []
     report = sim.sim_bench(True, said.append)
     assert len(said) == 4

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import chess
 import numpy as np
 import pytest
@@ -29,6 +32,19 @@ def quiet(_step: str) -> None:
     """Nobody looks."""
 
 
+@pytest.fixture(scope="module")
+def studio():
+    with open_studio(TableSettings(), hand=Colour.WHITE) as opened:
+        yield opened
+
+
+@pytest.fixture
+def one_studio(studio, monkeypatch):
+    """What follows games and actions uses the tests' own studio: each of its own would take seconds to open."""
+    for module in ("games", "actions"):
+        monkeypatch.setattr(f"app.measure.bench.vision.{module}.open_studio", lambda *_, **__: nullcontext(studio))
+
+
 def test_a_rendered_game_is_read(monkeypatch):
     monkeypatch.setattr("app.measure.bench.vision.games.PLIES", {True: 8})
     rows = game_rows(True, quiet)
@@ -38,6 +54,7 @@ def test_a_rendered_game_is_read(monkeypatch):
     assert rows["game wrong"].n == 8
 
 
+@pytest.mark.usefixtures("one_studio")
 def test_trouble_with_light_camera_and_a_hand_is_read_or_asked_about(monkeypatch):
     monkeypatch.setattr("app.measure.bench.vision.games.TROUBLED", {True: 5})
     said: list[str] = []
@@ -46,18 +63,20 @@ def test_trouble_with_light_camera_and_a_hand_is_read_or_asked_about(monkeypatch
     assert rows["trouble asked"].mean < 1.0
 
 
-def test_each_trouble_changes_the_picture_and_the_next_game_begins_without_it():
-    table, board = TableSettings(), chess.Board()
-    with open_studio(table, hand=Colour.WHITE) as studio:
-        for name, trouble in TROUBLES.items():
-            scene = Scene(studio, table, 3)
-            quiet_picture = scene.picture(board)
-            trouble(scene)
-            change = np.abs(scene.picture(board).colour.astype(float) - quiet_picture.colour)
-            assert np.count_nonzero(change.max(axis=2) > 30.0) > 300, name
+def test_each_trouble_changes_the_picture_and_the_next_game_begins_without_it(studio):
+    board = chess.Board()
+    quiet_picture = Scene(studio, TableSettings(), 3).picture(board)
+    for name, trouble in TROUBLES.items():
+        scene = Scene(studio, TableSettings(), 3)
+        trouble(scene)
+        change = np.abs(scene.picture(board).colour.astype(float) - quiet_picture.colour)
+        assert np.count_nonzero(change.max(axis=2) > 30.0) > 300, name
+    again = Scene(studio, TableSettings(), 3).picture(board).colour.astype(float)
+    assert np.count_nonzero(np.abs(again - quiet_picture.colour).max(axis=2) > 30.0) < 30
 
 
-def test_a_studio_without_a_hand_shows_none():
+def test_a_studio_without_a_hand_shows_none(monkeypatch):
+    monkeypatch.setattr("hardware.sim.process.table_studio.StillRenderer", lambda model: SimpleNamespace(close=bool))
     table = TableSettings()
     with open_studio(table) as studio:
         scene = Scene(studio, table, 3)
@@ -66,6 +85,7 @@ def test_a_studio_without_a_hand_shows_none():
             scene.picture(chess.Board())
 
 
+@pytest.mark.usefixtures("one_studio")
 def test_a_long_run_is_the_sum_of_its_parts():
     def nothing(_scene: Scene) -> None:
         """Good light."""
@@ -75,6 +95,7 @@ def test_a_long_run_is_the_sum_of_its_parts():
     assert said[0].startswith("game 41, ply 1: " + next(random_game(41, 1)).uci())
 
 
+@pytest.mark.usefixtures("one_studio")
 def test_what_people_do_wrong_is_never_accepted(monkeypatch):
     monkeypatch.setattr("app.measure.bench.vision.actions.ACTIONS", {True: len(SORTS) // 2})
     said: list[str] = []

@@ -43,7 +43,7 @@ REST = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
 POWERED = REST._replace(enable=True, busy=True)
 ILL = DriveStatus.FAULT | DriveStatus.WATCHDOG
 ARMS = ("arm1", "arm2", "arm3")
-ROUNDS = int(os.environ.get("TOUCHMOVE_FAULT_ROUNDS", "2"))
+ROUNDS = int(os.environ.get("TOUCHMOVE_FAULT_ROUNDS", "1"))
 """Of each fault; the tests' own time for 20 is some minutes."""
 STIFFNESS, DAMPING = 30.0, 0.8
 """Of the joints [N m/rad, N m s/rad]: enough to move the arm, no more is wanted here."""

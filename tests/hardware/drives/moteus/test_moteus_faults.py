@@ -34,7 +34,7 @@ ENDED = DriveStatus.FAULT | DriveStatus.WATCHDOG
 LATER = 200
 """Exchanges after which a fault that is to be found must have been: any watch takes 20 ms and a few exchanges."""
 ALL = 10**9
-TIMES = 4
+TIMES = 2
 """Each fault is planted so often, on drawn devices at drawn moments."""
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import cast
 
 import pytest
 from pydantic import ValidationError
@@ -16,7 +17,8 @@ from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.settings import DriveSettings
 from hardware.interfaces import HardwareError, Pace
 from hardware.sim.emulated.ethercat import namespace
-from hardware.sim.emulated.process import devices_of
+from hardware.sim.emulated.plant_drives import EmulatedDevices, driven_world_of
+from hardware.sim.emulated.process import devices_of, run_emulated
 from hardware.sim.process.settings import END_FILE, WorldSettings, keep_settings
 
 PROCESS = [sys.executable, "-P", "-m", "hardware.sim.emulated.ethercat.process"]
@@ -62,12 +64,15 @@ def test_devices_without_their_cable_say_how_their_world_is_started(tmp_path: Pa
 
 
 def test_what_cannot_be_a_world_is_one_sentence(tmp_path: Path) -> None:
+    """Whatever it is, the process says it: seen once before and once after it has loaded everything."""
     assert "nothing can be written" in refused(tmp_path / "nowhere")
     assert "no world settings" in refused(tmp_path)
     keep_settings(settings(pace=Pace.FAST), tmp_path)
-    assert "emulated drives need pace real" in refused(tmp_path)
+    with pytest.raises(HardwareError, match="emulated drives need pace real"):
+        driven_world_of(tmp_path, cast("EmulatedDevices", None))
     keep_settings(settings(parameters_file=tmp_path / "none.toml"), tmp_path)
-    assert "this world cannot be made" in refused(tmp_path)
+    with pytest.raises(HardwareError, match="this world cannot be made"):
+        run_emulated(tmp_path)
 
 
 def test_it_ends_in_order(tmp_path: Path) -> None:

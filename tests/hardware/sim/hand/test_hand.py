@@ -155,15 +155,10 @@ def check_moves(side: Colour, seed: int, count: int) -> None:
     assert not table.do(Withdraw())
 
 
-@pytest.mark.parametrize("side", list(Colour))
-def test_any_piece_is_taken_and_put_between_its_neighbours(side: Colour) -> None:
-    check_moves(side, seed=5, count=3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("side", list(Colour))
-def test_many_pieces_are(side: Colour) -> None:
-    check_moves(side, seed=11, count=7)
+def test_any_piece_is_taken_and_put_between_its_neighbours(side: Colour) -> None:
+    check_moves(side, seed=11, count=5)
 
 
 @pytest.mark.parametrize("kind", list(Kind))

@@ -18,6 +18,7 @@ import pytest
 from pydantic import ValidationError
 
 from hardware.interfaces import Command, DriveStatus, HardwareError
+from hardware.parameters import load_parameters
 from hardware.piece_set import Colour, Kind
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
@@ -34,9 +35,10 @@ SPECS = tuple(
     PieceSpec(name, kind, colour, Place.parse(place))
     for name, kind, colour, place in (
         ("king", Kind.KING, Colour.WHITE, "e1"), ("pawn", Kind.PAWN, Colour.WHITE, "e2"),
-        ("rook", Kind.ROOK, Colour.BLACK, "h8"),
+        ("rook", Kind.ROOK, Colour.BLACK, "h8"), ("knight", Kind.KNIGHT, Colour.WHITE, "b1"),
     )
 )  # fmt: skip
+TICK = load_parameters().drive.tick
 BRAKED = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
 
 
@@ -73,24 +75,25 @@ class WorldProcess:
         self.process.wait()
 
 
-@pytest.fixture
-def world(tmp_path: Path) -> Iterator[WorldProcess]:
-    process = WorldProcess(tmp_path)
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WorldProcess]:
+    """A world for all whose hand withdraws in the end, each with a piece of its own if it needs one."""
+    process = WorldProcess(tmp_path_factory.mktemp("world"))
     yield process
     process.kill()
 
 
-def test_a_move_is_made_while_nobody_holds_the_drives_and_time_stands_afterwards(world: WorldProcess) -> None:
+def test_a_move_is_made_while_nobody_holds_the_drives_and_time_stands_afterwards(shared: WorldProcess) -> None:
     with ExitStack() as stack:
-        hand = stack.enter_context(closing(SimHand(world.run_dir)))
-        referee = stack.enter_context(closing(SimReferee(world.run_dir)))
+        hand = stack.enter_context(closing(SimHand(shared.run_dir)))
+        referee = stack.enter_context(closing(SimReferee(shared.run_dir)))
         before, _ = referee.look()
         hand.perform(Move(start=xy("e2"), to=xy("e4")), Withdraw())
         with pytest.raises(HandRefused, match="the hand is busy"):
             hand.perform(Withdraw())
         ended = hand.wait()
         after, _ = referee.look()
-        assert 2.0 < ended < 15.0
+        assert 2.0 < ended - TICK * before.tick < 15.0
         pawn = next(p for p in after.pieces if p.name == "pawn")
         assert math.dist((pawn.x, pawn.y), xy("e4")) < 0.0075
         assert pawn.tilt < 0.01
@@ -106,9 +109,9 @@ def test_a_move_is_made_while_nobody_holds_the_drives_and_time_stands_afterwards
         until(stands)
 
 
-def test_time_goes_on_for_the_hand_alone_and_stands_for_a_controller_that_waits(world: WorldProcess) -> None:
-    with closing(SimHand(world.run_dir)) as hand:
-        bus = SimServoBus(world.run_dir)
+def test_time_goes_on_for_the_hand_alone_and_stands_for_a_controller_that_waits(shared: WorldProcess) -> None:
+    with closing(SimHand(shared.run_dir)) as hand:
+        bus = SimServoBus(shared.run_dir)
         hand.perform(Hover(at=(0.1, 0.0), duration=0.5), Withdraw())
         ran = 0
         while not select.select([hand._link], [], [], 0.0)[0]:  # it has not said yet that it is done
@@ -141,13 +144,6 @@ def test_a_bad_request_is_answered_by_a_sentence(shared: WorldProcess, request_:
         wire.ask(link, request_)
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WorldProcess]:
-    process = WorldProcess(tmp_path_factory.mktemp("world"))
-    yield process
-    process.kill()
-
-
 def test_a_question_is_answered_at_once(shared: WorldProcess) -> None:
     link, _ = wire.connect(shared.run_dir, "hand")
     with closing(link):
@@ -163,16 +159,16 @@ def test_a_world_without_a_hand_says_so(tmp_path: Path) -> None:
         process.kill()
 
 
-def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(world: WorldProcess) -> None:
+def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(shared: WorldProcess) -> None:
     with ExitStack() as stack:
-        referee = stack.enter_context(closing(SimReferee(world.run_dir)))
-        hand = SimHand(world.run_dir)
-        hand.perform(Take(at=xy("e2")))
+        referee = stack.enter_context(closing(SimReferee(shared.run_dir)))
+        hand = SimHand(shared.run_dir)
+        hand.perform(Take(at=xy("b1")))
         hand.wait()
-        held = next(p for p in referee.look()[0].pieces if p.name == "pawn")
+        held = next(p for p in referee.look()[0].pieces if p.name == "knight")
         assert held.z > 0.008
         hand.close()
-        link, _ = wire.connect(world.run_dir, "hand")
+        link, _ = wire.connect(shared.run_dir, "hand")
         stack.enter_context(closing(link))
 
         def gone() -> bool:
@@ -180,13 +176,15 @@ def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(world: Wo
             return not state["busy"] and not state["holding"]
 
         until(gone)
-        pawn = next(p for p in referee.look()[0].pieces if p.name == "pawn")
-        assert abs(pawn.z) < 1e-4
-        assert pawn.tilt < 0.01
-        assert math.dist((pawn.x, pawn.y), (held.x, held.y)) < 0.03
+        knight = next(p for p in referee.look()[0].pieces if p.name == "knight")
+        assert abs(knight.z) < 1e-4
+        assert knight.tilt < 0.01
+        assert math.dist((knight.x, knight.y), (held.x, held.y)) < 0.03
 
 
-def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(world: WorldProcess) -> None:
+def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    world = WorldProcess(tmp_path)
+    request.addfinalizer(world.kill)
     hand = SimHand(world.run_dir)
     hand.perform(Take(at=xy("e2")), Hover(at=(0.05, 0.05), duration=30.0))
     with closing(SimReferee(world.run_dir)) as referee:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -457,13 +458,19 @@ def rest_after_silence(world: WorldProcess, tick: int) -> Measurement:
     return rest_after(world, tick)
 
 
-def test_goodbye_ends_the_world_at_rest_with_a_snapshot(start: Start) -> None:
+@pytest.fixture(scope="module")
+def ended(start: Start) -> WorldProcess:
+    """A world whose controller has said goodbye in mid motion."""
     world = start()
     bus = SimServoBus(world.run_dir)
     fall(bus)
     bus.close()
     assert world.process.wait(PATIENCE) == 0
-    end = world.end
+    return world
+
+
+def test_goodbye_ends_the_world_at_rest_with_a_snapshot(ended: WorldProcess) -> None:
+    world, end = ended, ended.end
     assert end["at_rest"]
     assert end["braked"]
     assert end["arm_speed"] < 2e-4
@@ -477,20 +484,16 @@ def test_goodbye_ends_the_world_at_rest_with_a_snapshot(start: Start) -> None:
         SimServoBus(world.run_dir, timeout=0.0)
 
 
-def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> None:
-    world = start()
-    bus = SimServoBus(world.run_dir)
-    fall(bus)
-    bus.close()
-    assert world.process.wait(PATIENCE) == 0
-    left = world.end
-    again = start(world.run_dir)
-    with closing(SimReferee(world.run_dir)) as referee:
+def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start, ended: WorldProcess, tmp_path: Path) -> None:
+    left = ended.end
+    run_dir = shutil.copytree(ended.run_dir, tmp_path / "run")
+    again = start(run_dir)
+    with closing(SimReferee(run_dir)) as referee:
         truth, _ = referee.look()
         assert truth.tick == left["tick"]
         assert truth.state_sha256 == left["state_sha256"], "to the last bit"
-        assert not (world.run_dir / END_FILE).exists(), "the old one says nothing of the new one"
-        bus = SimServoBus(world.run_dir)
+        assert not (run_dir / END_FILE).exists(), "the old one says nothing of the new one"
+        bus = SimServoBus(run_dir)
         first = [bus.exchange(BRAKED) for _ in range(20)][-1]
         after, _ = referee.look()
     np.testing.assert_allclose(after.tool, truth.tool, atol=1e-6)
@@ -525,16 +528,19 @@ def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(s
     assert not (world.run_dir / LIVE_FILE).exists(), "the snapshot has taken its place"
 
 
-@pytest.mark.parametrize("content", [b"", b"PK nonsense", "of another world"])
-def test_a_snapshot_that_is_none_is_one_sentence(start: Start, tmp_path: Path, content: bytes | str) -> None:
-    if isinstance(content, bytes):
-        (tmp_path / STATE_FILE).write_bytes(content)
-    else:
-        np.savez(tmp_path / STATE_FILE, state=np.zeros(7), tick=3)
+def test_a_snapshot_that_is_none_is_one_sentence(start: Start, tmp_path: Path) -> None:
+    (tmp_path / STATE_FILE).write_bytes(b"PK nonsense")
     world = start(tmp_path)
     assert world.process.wait(PATIENCE) == 2
     assert "snapshot" in world.log
     assert len(world.log.strip().splitlines()) == 1
+    for content in (b"", b"PK nonsense"):
+        (tmp_path / STATE_FILE).write_bytes(content)
+        with pytest.raises(HardwareError, match="snapshot"):
+            world_of(tmp_path)
+    np.savez(tmp_path / STATE_FILE, state=np.zeros(7), tick=3)
+    with pytest.raises(HardwareError, match="snapshot"):
+        world_of(tmp_path)
 
 
 def test_after_its_linger_a_world_without_controller_ends(start: Start) -> None:
