@@ -15,7 +15,9 @@ from pathlib import Path
 
 import chess.pgn
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from tests.waiting import PATIENCE
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
@@ -156,8 +158,6 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     ],
 )
 def test_positions_from_the_board_take_a_camera_and_nothing_else(arguments: tuple[str, ...], sentence: str) -> None:
-    done = subprocess.run(
-        [*TOUCHMOVE, "play", "--no-page", "--from-board", *arguments], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
+    done = CliRunner().invoke(app, ["play", "--no-page", "--from-board", *arguments])
+    assert done.exit_code == 2
     assert sentence in " ".join(done.stderr.split())
