@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import json
 import os
@@ -15,6 +16,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+import typer.main
 
 from hardware.sim.clients.wire import world_pid
 from tests.controllers import Controller
@@ -42,6 +44,15 @@ def pytest_collection_finish() -> None:
     in a process as large as this it takes a second."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _commands_made_once() -> Iterator[None]:
+    """Typer's runner makes all commands anew from the signatures of their functions for each call, which takes longer
+    than most of what is called."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.testing._get_command", functools.cache(typer.main.get_command))
+        yield
 
 
 class Run:

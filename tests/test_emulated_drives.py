@@ -9,7 +9,9 @@ from pathlib import Path
 
 import chess.pgn
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from hardware.interfaces import DriveTrouble
 from tests.controllers import Controller, free_port, touchmove
 
@@ -102,6 +104,6 @@ def test_a_simulation_of_our_own_has_such_drives_too(bus: str, tmp_path: Path) -
 
 
 def test_emulated_drives_keep_to_the_wall_clock() -> None:
-    code, _, err = touchmove("demo", "--drives", "moteus", "--pace", "fast", "--headless")
-    assert code == 2
-    assert err.strip().endswith("--drives moteus keeps to the wall clock like real drives: leave out --pace")
+    done = CliRunner().invoke(app, ["demo", "--drives", "moteus", "--pace", "fast", "--headless"])
+    assert done.exit_code == 2
+    assert done.stderr.strip().endswith("--drives moteus keeps to the wall clock like real drives: leave out --pace")

@@ -11,7 +11,6 @@ import pytest
 from app.records import read_events
 
 FAST = ("--pace", "fast", "--no-cameras")
-PROMOTIONS = "1r6/P1P5/5k2/8/8/5K2/p1p5/1R6 w - - 0 1"
 
 
 def finished(run):
@@ -26,19 +25,15 @@ def finished(run):
 
 
 @pytest.mark.slow
-def test_en_passant_and_both_castlings_of_both_colours(demo):
-    fen, moves = "r3k2r/2p5/8/3P4/4p3/8/5P2/R3K2R b KQkq - 0 1", "c5 dxc6 O-O-O f4 exf3 O-O"
+def test_every_special_move_of_both_colours(demo):
+    """En passant, castling, promotions with and without capture."""
+    fen = "r3k2r/P1p3P1/8/3P4/4p3/8/p1p2P2/RN2K2R b KQkq - 0 1"
+    moves = "c5 dxc6 O-O-O f4 exf3 O-O axb1=R gxh8=Q c1=N a8=B"
     report = finished(demo(*FAST, "--fen", fen, "--moves", moves))
-    assert report["plies"] == 6
-    assert report["kinds"]["castling"]["n"] == report["kinds"]["en_passant"]["n"] == 2
+    assert report["plies"] == 10
+    kinds = {name: kind["n"] for name, kind in report["kinds"].items()}
+    assert (kinds["castling"], kinds["en_passant"], kinds["promotion"]) == (2, 2, 4)
     assert report["placement_mm"]["max"] < 1.0
-
-
-@pytest.mark.slow
-def test_promotions_with_and_without_capture_of_both_colours(demo):
-    moves = "axb8=Q axb1=R c8=B c1=N"
-    report = finished(demo(*FAST, "--fen", PROMOTIONS, "--moves", moves))
-    assert report["kinds"]["promotion"]["n"] == 4
 
 
 @pytest.mark.slow

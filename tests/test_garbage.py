@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -133,6 +134,19 @@ READERS: dict[str, tuple[str, bytes | None, Callable[[Path], object]]] = {
 
 
 @pytest.fixture(scope="module")
+def new_file(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """A file of this name in a folder of its own: what was read from a path may be remembered."""
+    root, numbers = tmp_path_factory.mktemp("garbage"), itertools.count()
+
+    def make(name: str) -> Path:
+        folder = root / str(next(numbers))
+        folder.mkdir()
+        return folder / name
+
+    return make
+
+
+@pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The events of a short game."""
     folder = tmp_path_factory.mktemp("record") / "game"
@@ -169,10 +183,10 @@ def edits(draw: st.DrawFn) -> Callable[[bytes], bytes]:
 @pytest.mark.parametrize("reader", READERS)
 @given(edit=edits())
 def test_garbage_in_a_file_is_taken_or_refused(
-    reader: str, edit: Callable[[bytes], bytes], tmp_path_factory: pytest.TempPathFactory, record: bytes
+    reader: str, edit: Callable[[bytes], bytes], new_file: Callable[[str], Path], record: bytes
 ) -> None:
     name, content, read = READERS[reader]
-    path = tmp_path_factory.mktemp("garbage") / name
+    path = new_file(name)
     path.write_bytes(edit(record if content is None else content))
     with contextlib.suppress(*REFUSALS):
         read(path)
@@ -180,11 +194,9 @@ def test_garbage_in_a_file_is_taken_or_refused(
 
 @pytest.mark.parametrize("reader", READERS)
 @given(content=st.binary(max_size=60) | st.sampled_from(WORDS))
-def test_anything_in_a_file_is_taken_or_refused(
-    reader: str, content: bytes, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_anything_in_a_file_is_taken_or_refused(reader: str, content: bytes, new_file: Callable[[str], Path]) -> None:
     name, _, read = READERS[reader]
-    path = tmp_path_factory.mktemp("garbage") / name
+    path = new_file(name)
     path.write_bytes(content)
     with contextlib.suppress(*REFUSALS):
         read(path)

@@ -7,11 +7,14 @@ import os
 import pty
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from tests.waiting import PATIENCE, until
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
@@ -25,7 +28,7 @@ BOARD = ("--rig", "board", "--nodes", "500")
 SIMULATED = ("--pace", "fast", "--no-guard", "--nodes", "500")
 
 
-def run(
+def run_program(
     folder: Path, lines: tuple[str, ...], *command: str, program: tuple[str, ...] = TOUCHMOVE
 ) -> tuple[int, dict[str, Any], str]:
     """Exit status, report and everything said of a game in which these lines are typed; then the input ends."""
@@ -36,6 +39,15 @@ def run(
     return done.returncode, json.loads(report.read_text()) if report.exists() else {}, done.stderr
 
 
+def run_here(folder: Path, lines: tuple[str, ...], *command: str) -> tuple[int, dict[str, Any], str]:
+    """The same in this process, which need not be started and load everything."""
+    typed = "".join(f"{line}\n" for line in lines)
+    done = CliRunner().invoke(app, [*command, "--json"], input=typed)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
+    report = folder / "report.json"
+    return done.exit_code, json.loads(report.read_text()) if report.exists() else {}, done.stderr
+
+
 @pytest.mark.parametrize("before", [(), ("e4",), ("pause",), ("e4", "pause")], ids=["start", "move", "pause", "both"])
 @pytest.mark.parametrize("leave", ["quit", "resign", None])
 def test_a_game_without_devices_is_left_and_taken_up(
@@ -43,6 +55,7 @@ def test_a_game_without_devices_is_left_and_taken_up(
 ) -> None:
     game = tmp_path / "game"
     lines = before if leave is None else (*before, leave)
+    run = run_program if len(before) > 1 else run_here  # whole programs after all that may come before
     status, report, said = run(game, lines, "play", "--no-page", *BOARD, "--out", str(game))
     plies = 2 * before.count("e4")
     assert report["plies"] == plies
@@ -90,19 +103,18 @@ def test_what_is_no_text_is_answered_like_other_nonsense(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_a_game_that_waits_for_a_piece_is_left_and_taken_up(tmp_path: Path) -> None:
-    """The knight lies in a tray where nobody looks for it: the person is asked, and leaves in every way there is."""
+    """The knight lies in a tray where nobody looks for it: the person is asked, goes away, and puts it back.
+
+    Every word that leaves at this prompt is said to it in the tests of what a person is asked.
+    """
     game = tmp_path / "game"
+    play = partial(run_program, game, program=WITHOUT_SIGHT)
     asked = "put the white knight on b1"
-    status, report, said = run(
-        game, ("hand move b1 L3", "fix"), "play", "--no-page", *SIMULATED, "--out", str(game), program=WITHOUT_SIGHT
-    )
+    status, report, said = play(("hand move b1 L3", "fix"), "play", "--no-page", *SIMULATED, "--out", str(game))
     assert (status, report["result"]) == (1, "*")
     assert asked in said
-    status, report, said = run(game, ("nonsense", "quit"), "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
-    assert (status, report["result"]) == (0, "*")
+    lines = ("nonsense", "hand move L3 b1", "done", "e4", "resign")
+    status, report, said = play(lines, "resume", "--no-page", str(game))
     assert asked in said
     assert "'nonsense' is not an answer" in said
-    back = ("hand move L3 b1", "done", "e4", "hand move b1 L3", "fix", "resign")
-    status, report, said = run(game, back, "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"], report["plies"]) == (0, "0-1", 2), said[-2000:]
-    assert run(game, (), "resume", "--no-page", str(game), program=WITHOUT_SIGHT)[0] == 2

@@ -26,6 +26,8 @@ from tests.waiting import PATIENCE, until
 pytestmark = pytest.mark.slow
 PICTURES = os.environ.get("TOUCHMOVE_PICTURES")
 """Where pictures of the states go that the test comes through; nowhere if it is not set."""
+RICH = "3qk3/p1Pp3p/8/1p2P3/8/8/3P1PPP/1N2K2R w K - 0 1"
+"""From here four moves are of every kind that a person may make on a page."""
 
 
 @contextmanager
@@ -90,51 +92,44 @@ def moves_of(folder: Path) -> str:
 
 def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
     engine = tmp_path / "engine"
-    engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="a6 d5 Nf6 b5 Kxd8 Bb7 e6 Bd6"))
+    engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="d5 h6 Kxd8 h5"))
     engine.chmod(0o755)
-    with playing(tmp_path, "--pace", "fast", "--no-guard", "--engine", str(engine)) as (process, address):
+    options = ("--pace", "fast", "--no-guard", "--fen", RICH, "--engine", str(engine))
+    with playing(tmp_path, *options) as (process, address):
         player = Player(browser, address)
         player.turn(0)
         player.picture("page-start")
         player.says("hand move b1 d2")  # where a pawn stands
         player.reads("Another piece stands at d2: take it away first")
-        player.says("hand knock e5")  # where nothing stands; nor does the hand stay there
-        player.reads("No piece stands within 20 mm of e5")
-        player.click("e2", "e4")
+        player.says("hand knock e4")  # where nothing stands; nor does the hand stay there
+        player.reads("No piece stands within 20 mm of e4")
+        player.drag("h2", "h3")
         player.turn(2)
-        player.drag("e4", "e5")
-        player.turn(4)
         player.keys("e5", "d6")  # en passant
-        player.turn(6)
-        player.says("hand move g1 g4")  # a knight does not move like that
+        player.turn(4)
+        player.says("hand move b1 b3")  # a knight does not move like that
         player.reads("or say 'fix' and the arm does it")
         player.picture("page-illegal")
         player.page.locator('#ask [data-answer="fix"]').click()
-        player.turn(6)
-        player.drag("d6", "c7")
-        player.turn(8)
+        player.turn(4)
         player.click("c7", "d8")
         player.picture("page-promotion")
         player.page.get_by_role("button", name="queen", exact=True).click()
-        player.turn(10)
+        player.turn(6)
         # in the middle of the game the page is left and visited again: the controls are still ours
         player.page.reload()
-        player.turn(10)
-        player.keys("g1", "f3")
-        player.turn(12)
-        player.drag("f1", "e2")
-        player.turn(14)
+        player.turn(6)
         player.click("e1", "g1")
-        player.turn(16)
+        player.turn(8)
         player.page.locator("#tab-camera").click()
         player.picture("page-camera")
         player.says("hand knock b5")  # it stands alone: how it falls does not matter
         player.page.locator('#ask [data-answer="fix"]').click(timeout=1000.0 * PATIENCE)
-        player.turn(16)
+        player.turn(8)
         player.page.get_by_role("button", name="Take back", exact=True).click()
-        player.turn(14)
+        player.turn(6)
         player.keys("e1", "g1")
-        player.turn(16)
+        player.turn(8)
         player.says("resign")
         leave = player.page.locator('#ask [data-answer="quit"]')
         expect(leave).to_be_visible(timeout=1000.0 * PATIENCE)
@@ -143,7 +138,7 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         assert process.wait(PATIENCE) == 0, (tmp_path / "said").read_text()[-2000:]
         assert player.wrong == []
         player.close()
-    expected = "e4 a6 e5 d5 exd6 Nf6 dxc7 b5 cxd8=Q+ Kxd8 Nf3 Bb7 Be2 e6 O-O Bd6"
+    expected = "h3 d5 exd6 h6 cxd8=Q+ Kxd8 O-O h5"
     assert moves_of(tmp_path) == expected
     report = json.loads((tmp_path / "game" / "report.json").read_text())
     assert report["physical_ok"] is True

@@ -15,7 +15,9 @@ from pathlib import Path
 
 import chess.pgn
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from tests.waiting import PATIENCE
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
@@ -89,15 +91,16 @@ for line in sys.stdin:
     elif words[:1] == ["isready"]:
         print("readyok", flush=True)
     elif words[:1] == ["position"]:
-        board = chess.Board()
-        for move in words[3:]:
+        given = words[1] == "fen"
+        board = chess.Board(" ".join(words[2:8])) if given else chess.Board()
+        for move in words[9 if given else 3:]:
             board.push_uci(move)
     elif words[:1] == ["go"]:
         print("bestmove", board.parse_san(replies[len(board.move_stack) // 2]).uci(), flush=True)
     elif words[:1] == ["quit"]:
         break
 """
-"""Plays given moves from the start position, so that a person's moves can be written down beforehand."""
+"""Plays given moves from wherever it is told to begin, so that a person's moves can be written down beforehand."""
 
 
 def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its_record(tmp_path: Path) -> None:
@@ -155,8 +158,6 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     ],
 )
 def test_positions_from_the_board_take_a_camera_and_nothing_else(arguments: tuple[str, ...], sentence: str) -> None:
-    done = subprocess.run(
-        [*TOUCHMOVE, "play", "--no-page", "--from-board", *arguments], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
+    done = CliRunner().invoke(app, ["play", "--no-page", "--from-board", *arguments])
+    assert done.exit_code == 2
     assert sentence in " ".join(done.stderr.split())

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
 from tests.controllers import Controller, free_port, status, touchmove
 from tests.waiting import PATIENCE, until
 
@@ -37,6 +39,13 @@ def game(rig: Path, folder: Path, moves: str, *options: str, within: tuple[str, 
     return dict(json.loads(out))
 
 
+def refusal(*arguments: str) -> str:
+    """What a command says that is refused before anything is started; it need not be a program of its own for that."""
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2, (arguments, done.output)
+    return done.stderr
+
+
 @pytest.mark.slow
 def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
     by_hand: Callable[..., Controller], tmp_path: Path
@@ -55,8 +64,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
     report = game(rig, tmp_path / "two", "d5", "--fen", "rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR b KQkq - 0 1")
     assert report["physical_ok"] is True
 
-    code, _, err = touchmove("controller", "clear", "--rig", str(rig))
-    assert code == 2
+    err = refusal("controller", "clear", "--rig", str(rig))
     assert "choose run, status, press-stop, enable, hold, resume, stop, release, clear-fault, shutdown" in err
 
     # a restarted controller goes on with the world that its forerunner left
@@ -80,14 +88,12 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
 @pytest.mark.slow
 def test_a_rig_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port())
-    code, _, err = touchmove("controller", "status", "--rig", str(rig))
-    assert code == 2
+    err = refusal("controller", "status", "--rig", str(rig))
     assert "touchmove.key cannot be read" in err
     (rig.parent / "touchmove.key").write_bytes(b"k" * 32)
     (rig.parent / "touchmove.key").chmod(0o600)
     for command in (("controller", "enable"), ("link-test",), ("demo", "--moves", "e4", "--out", str(tmp_path / "g"))):
-        code, _, err = touchmove(*command, "--rig", str(rig))
-        assert code == 2, command
+        err = refusal(*command, "--rig", str(rig))
         assert "start the controller" in err
         assert len(err.strip().splitlines()) <= 2
 
@@ -143,8 +149,7 @@ def test_game_and_controller_on_two_computers(
 def test_a_driver_that_is_not_installed_is_named_with_those_that_are(tmp_path: Path) -> None:
     rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port())
     rig.write_text('[controller]\nport = 47100\n[drives]\nbus = "mitsubishi"\n')
-    code, _, err = touchmove("controller", "--rig", str(rig))
-    assert code == 2
+    err = refusal("controller", "--rig", str(rig))
     assert "drives.bus is 'mitsubishi', installed here are: sim" in err
     assert "touchmove.drives" in err
 

@@ -44,6 +44,8 @@ class PageSupervisor:
         self._ready, self._say = ready, say
         self._port = settings.port
         self._starting, self._over = threading.Lock(), threading.Event()
+        self._reached = False
+        """Somebody may look at the page: it has said where it is."""
         self._process = self._start(first or StartedPage())
         self._thread = threading.Thread(target=self._look_after, name="page supervisor", daemon=True)
         self._thread.start()
@@ -57,9 +59,11 @@ class PageSupervisor:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """The page ends by itself when its socket does; one that does not is ended."""
+        """The page ends by itself when its socket does; one that does not, or that still loads, is ended."""
         with self._starting:  # a page is started anew before this, or not at all: nobody would end it
             self._over.set()
+        if not self._reached:  # as where a game is refused: whoever reads why need not wait for a page
+            self._process.kill()
         self._publisher.disconnect()
         try:
             self._process.wait(PATIENCE)
@@ -80,6 +84,7 @@ class PageSupervisor:
             assert self._process.stdout is not None
             with self._process.stdout as said:
                 address = said.readline().decode().strip()
+            self._reached = self._reached or bool(address)
             if address and not told and not self._over.is_set():  # nobody is invited to a game that ends
                 told, self._port = True, urlsplit(address).port or self._port
                 self._ready(self._settings.address or address)

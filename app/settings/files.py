@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import itertools
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
@@ -63,7 +65,8 @@ def as_toml(settings: Settings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def meanings_of(section: type[BaseModel]) -> dict[str, str]:
+@functools.cache
+def meanings_of(section: type[BaseModel]) -> Mapping[str, str]:
     """What each field means, by name: what stands below it in the source. Read for those alone who ask for it."""
     meanings: dict[str, str] = {}
     for one in reversed([base for base in section.__mro__ if base is not BaseModel and issubclass(base, BaseModel)]):
@@ -76,7 +79,7 @@ def meanings_of(section: type[BaseModel]) -> dict[str, str]:
                 and isinstance(after.value, ast.Constant)
             ):
                 meanings[ast.unparse(field.target)] = " ".join(str(after.value.value).split())
-    return meanings
+    return MappingProxyType(meanings)
 
 
 def _fields(section: BaseModel) -> list[str]:

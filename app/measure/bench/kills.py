@@ -128,7 +128,7 @@ class _KilledGame:
     def __enter__(self) -> _KilledGame:
         self._run(
             "demo", "--out", str(self._folder), "--pace", self._pace, "--processes", "separate",
-            "--moves", " ".join(self._line), "--no-cameras",
+            "--moves", " ".join(self._line), "--no-cameras", "--no-page",
             "--linger", "60",
         )  # fmt: skip
         return self
@@ -148,7 +148,7 @@ class _KilledGame:
                 progress(len(victims))
                 rested = self._kill(victims.pop(), seen)
             since = time.monotonic()
-            self._run("resume", str(self._folder))
+            self._run("resume", str(self._folder), "--no-page")
             if rested is not None:
                 self._watch_taking_over(rested)
             self._await(lambda: self._step_count() > 0, "a resumed game")

@@ -22,7 +22,7 @@ from controller.settings import CONTROLLER_FILE
 FILE = """
 first_seed = 5
 [draw]
-game.plies = 4
+game.plies = 2
 engine.nodes = { from = 200, to = 500 }
 randomisation.piece_mass = { from = 0.0, to = 0.4 }
 """
@@ -39,7 +39,7 @@ def test_two_real_games_and_one_of_them_again_to_the_last_bit(tmp_path: Path) ->
     assert (summary["done"], summary["outcomes"], summary["failed"]) == (2, {"right": 2}, [])
     found = {one.game.seed: one for one in results_in(folder / WHOLE.ledger)}
     for seed, one in found.items():
-        assert (one.game.plies, one.game.wrong_plies, len(one.plies)) == (4, 0, 4)
+        assert (one.game.plies, one.game.wrong_plies, len(one.plies)) == (2, 0, 2)
         assert one.game.world_state is not None
         assert 200.0 <= float(one.game.drawn["engine.nodes"]) <= 500.0
         assert not (folder / "games" / str(seed)).exists(), "what went right is not kept"

@@ -20,7 +20,7 @@ from tests.app.page.serving import PageProcess
 from tests.waiting import PATIENCE
 
 WATCHERS = 5
-SPAN = 12.0
+SPAN = 6.0
 """[s, wall]"""
 PICTURE = 60_000
 """Of 640 by 480 pixels with noise, as the camera's [bytes]."""

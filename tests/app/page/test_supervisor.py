@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -79,3 +80,12 @@ def test_where_no_page_can_be_nobody_is_waited_for_who_might_come_by_it(
         with pytest.raises(PersonGone):
             lines.next(0.0)
     assert len(started) == 1
+
+
+def test_nobody_waits_for_a_page_that_still_loads(
+    started: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.page.supervisor.PATIENCE", 600.0)
+    with supervisor("import time; time.sleep(600)", PagePublisher("play"), []):
+        pass
+    assert started[0].poll() == -signal.SIGKILL

@@ -99,11 +99,11 @@ def start_of(folder: Path) -> dict[str, object]:
 def test_another_game_is_as_wished_and_goes_on_so_after_an_interruption(tmp_path: Path) -> None:
     folder = tmp_path / "match"
     ui = play(
-        folder, "e4", "new black elo 99", f"new black full clock 10+5 fen {MIDDLE}", "quit", **{"engine.nodes": None}
+        folder, "e4", "new black elo 99", f"new black full clock 1:00 fen {MIDDLE}", "quit", **{"engine.nodes": None}
     )
     assert any("99" in sentence for sentence in ui.said), ui.said  # no engine plays so weakly: that game went on
     second = start_of(folder / "game-2")
-    assert (second["black"], second["fen"], second["time_control"]) == ("Human", MIDDLE, "600+5")
+    assert (second["black"], second["fen"], second["time_control"]) == ("Human", MIDDLE, "60")
     kept = kept_settings(folder)
     assert (kept.black.player, kept.game.fen) == (PlayerKind.HUMAN, MIDDLE)
     done = resume_games(folder, UserInterface(), TypedLines(io.StringIO("resign\n")))
