@@ -16,7 +16,7 @@ from typer.exceptions import TyperException
 from app.cli.campaign import campaign
 from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
-from app.cli.ending import fail
+from app.cli.ending import fail, take_interrupts
 from app.cli.games import demo, play, replay, resume, setup, show_config
 from app.cli.linked import host, join
 from app.cli.measuring import bench, figures, vision
@@ -28,9 +28,14 @@ from app.cli.records import analyse, film, report
 
 @contextmanager
 def _one_sentence() -> Iterator[None]:
-    """A mistake on the command line is answered like any other: in one sentence, with status 2."""
+    """A mistake on the command line is answered like any other: in one sentence, with status 2; so is Ctrl-C, with 130.
+
+    What plays or measures says by itself what is left then.
+    """
     try:
         yield
+    except KeyboardInterrupt:
+        fail("interrupted; nothing is still running", 130)
     except TyperException as error:
         sentence = error.format_message()
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
@@ -81,4 +86,5 @@ def main() -> None:
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     atexit.register(gc.freeze)
+    take_interrupts()  # before anything is started that an interrupt must end
     app()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from app.cli.ending import fail, say, take_interrupts
+from app.cli.ending import fail, say
 from hardware.loading import begin_loading
 
 if TYPE_CHECKING:
@@ -69,7 +69,6 @@ def show_game(
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
-    take_interrupts()
     with ExitStack() as stack:
         audience = stack.enter_context(
             _audience(program, settings, console, page_ahead, headless=headless, awaited=awaited)

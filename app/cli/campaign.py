@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
-from app.cli.ending import fail, say, take_interrupts
+from app.cli.ending import fail, say
 
 if TYPE_CHECKING:
     from app.campaign.running import CampaignSummary, CampaignWish
@@ -78,7 +78,6 @@ def _run(spec: CampaignSpec, wish: CampaignWish) -> CampaignSummary:
     from app.campaign.progress import CampaignProgress
     from app.campaign.running import run_campaign
 
-    take_interrupts()
     try:
         with CampaignProgress(Console(stderr=True)) as shown:
             return run_campaign(spec, wish, shown)
@@ -109,7 +108,6 @@ def repeat(
     from app import UserError
     from app.campaign.repeating import repeat_seed, usual_output
 
-    take_interrupts()
     try:
         found = repeat_seed(folder, seed, output or usual_output(folder, seed), film, lambda _drawn, _whole: None)
     except UserError as error:
