@@ -2,6 +2,7 @@
 # make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once, then one by one those of
 #              what has to be punctual; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
+# make ready   set up what checks and tests need, and nothing else
 # make check   format, lint, strict types
 # make coverage   line and branch coverage of the controller
 # make clean   back to a fresh clone; records in games/ stay
@@ -20,7 +21,10 @@ COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
-.PHONY: demo test nightly check clean constraints coverage vendor
+.PHONY: ready demo test nightly check clean constraints coverage vendor
+
+ready:
+	@bash .ci/setup dev
 
 demo:
 	@bash .ci/setup demo
