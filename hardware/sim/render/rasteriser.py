@@ -164,8 +164,9 @@ class Rasteriser:
         lamps = list(self._scene.lights[: self._scene.nlight])
         throwing = [lamp for lamp in lamps if lamp.castshadow and shadow_side][:MOST_SHADOWS]
         steady = [lamp for lamp in lamps if not (lamp.castshadow and shadow_side)]
-        uniforms = _lamp_uniforms([*throwing, *steady])
-        maps = [self._shadow(lamp, number, quality) for number, lamp in enumerate(throwing)]
+        kept = throwing[:: -(-len(throwing) // quality.lamps)] if throwing else []
+        uniforms = _lamp_uniforms(kept, steady, len(throwing) / max(len(kept), 1))
+        maps = [self._shadow(lamp, number, quality) for number, lamp in enumerate(kept)]
         eye, towards, projection = self._seen_by(width / height)
         if maps:
             uniforms["shadow_view"] = np.stack([TO_TEXTURE @ view for view in maps])
@@ -365,14 +366,15 @@ def _settle() -> None:
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
 
 
-def _lamp_uniforms(lamps: list[mujoco.MjvLight]) -> dict[str, Any]:
-    """Lamps as the programs take them, those with shadows first. A directional lamp that nothing shines of is matt: it
-    costs a tenth of another one.
+def _lamp_uniforms(throwing: list[mujoco.MjvLight], steady: list[mujoco.MjvLight], share: float) -> dict[str, Any]:
+    """Lamps as the programs take them: those with shadows, which shine for ``share`` lamps each, then the others.
+
+    A directional lamp that nothing shines of is matt: it costs a tenth of another one.
     """
     place, axis, fading = np.zeros((MOST_LAMPS, 4)), np.zeros((MOST_LAMPS, 4)), np.zeros((MOST_LAMPS, 4))
     colours, matt, ambient = np.zeros((3, MOST_LAMPS, 3)), np.zeros((2, MOST_LAMPS, 3)), np.zeros(3)
     full = matts = 0
-    for lamp in lamps[:MOST_LAMPS]:
+    for number, lamp in enumerate([*throwing, *steady][:MOST_LAMPS]):
         direction = np.array(lamp.dir, dtype=np.float64)
         direction /= max(float(np.linalg.norm(direction)), 1e-12)
         directional = lamp.type == mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
@@ -388,6 +390,7 @@ def _lamp_uniforms(lamps: list[mujoco.MjvLight]) -> dict[str, Any]:
             fading[full, :3], fading[full, 3] = lamp.attenuation, lamp.exponent
         axis[full, :3], axis[full, 3] = direction, math.cos(math.radians(lamp.cutoff))
         colours[:, full] = lamp.ambient, lamp.diffuse, lamp.specular
+        colours[:, full] *= share if number < len(throwing) else 1.0
         full += 1
     return {
         "lamps": full, "lamp_place": place, "lamp_axis": axis, "lamp_fading": fading, "lamp_ambient": colours[0],

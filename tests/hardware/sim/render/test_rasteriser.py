@@ -121,6 +121,18 @@ def test_pictures_differ_where_something_moved(scene: Scene) -> None:
     assert np.mean(np.abs(before - moved).max(axis=2) > 3) > 2.0 * SHADOW_EDGES
 
 
+@pytest.mark.parametrize("number", [2, 3])
+def test_fewer_lamps_with_shadows_shine_as_bright(scene: Scene, number: int) -> None:
+    """The four of a window stand side by side: what differs is how soft the edges of their shadows are."""
+    scene.light(LightSettings(radius=0.1))
+    scene.ours.aim(scene.data, "film")
+    soft = scene.ours.colour(WIDTH, HEIGHT, LOOK).astype(float)
+    hard = scene.ours.colour(WIDTH, HEIGHT, LOOK.model_copy(update={"lamps": number})).astype(float)
+    dark = scene.ours.colour(WIDTH, HEIGHT, LOOK.model_copy(update={"shadow_side": 0})).astype(float)
+    assert abs(hard.mean() - soft.mean()) < 0.01 * soft.mean()
+    assert np.abs(hard - soft).mean() < 0.5 * np.abs(dark - soft).mean(), "there are shadows where there were"
+
+
 @pytest.mark.parametrize("view", ["camera", "film"])
 def test_depth_is_as_mujoco_measures_it(scene: Scene, view: str) -> None:
     theirs = scene.their_depth(view)
