@@ -45,5 +45,5 @@ def reply(understood: str | None, waiting: str | None) -> Reply:
         return Reply(waiting) if understood == YES else Reply(sentence="then say it again, or type it")
     if understood in AT_ONCE:
         return Reply(understood, waiting=waiting)
-    said = understood if understood in list(Word) else ENGLISH.spoken(understood)
+    said = understood if understood.isalpha() else ENGLISH.spoken(understood)
     return Reply(sentence=f"I heard '{said}': yes or no?", waiting=understood)

@@ -92,7 +92,7 @@ class Listener(UserInterface):
                 self._go_on(reply(answer, self._waiting))
 
     def _heed_request(self, sound: bytes, before: str) -> None:
-        said = sayable(self._board, filter(str.isalpha, self._answers))
+        said = sayable(self._board, filter(self._recogniser.knows, self._answers))
         grammar = f"{before}( {grammar_of(said)} )" + (f" | {before}" if before else "")
         phrase = (self._recogniser.understood(sound, grammar) or "").removeprefix(before)
         lines = lines_of(said)

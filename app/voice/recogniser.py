@@ -45,6 +45,10 @@ class Recogniser:
         )
         self._grammar = ""
 
+    def knows(self, word: str) -> bool:
+        """Whether it knows how a word sounds; no other may be in a grammar."""
+        return self._decoder.lookup_word(word) is not None
+
     def addressed(self, sound: bytes) -> bool:
         """Whether the robot is spoken to in an utterance, samples of 16 bit at ``SAMPLE_RATE``."""
         return self._hear(self._spotter, sound) is not None

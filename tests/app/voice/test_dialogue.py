@@ -11,7 +11,7 @@ MOVES = ("e4", "Nbd7", "O-O-O", "exd8=Q")
 
 
 @pytest.mark.parametrize("waiting", [None, "a4", "resign"])
-@pytest.mark.parametrize("line", [*MOVES, *(word for word in Word if word not in AT_ONCE)])
+@pytest.mark.parametrize("line", [*MOVES, "done", "white", *(word for word in Word if word not in AT_ONCE)])
 def test_moves_and_what_changes_the_game_are_asked_about(line: str, waiting: str | None) -> None:
     asked = reply(line, waiting)
     assert asked.line is None

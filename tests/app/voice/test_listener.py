@@ -75,7 +75,7 @@ def test_what_a_game_has_come_to_is_what_can_be_said(tmp_path: Path) -> None:
         listener._heed(speech(f"{ADDRESS} alpha eight becomes a queen").tobytes())
         listener._heed(speech("yes").tobytes())
         assert table.lines.get_nowait() == "a8=Q"
-        listener.prompt("was that your move?", ("yes", "no"))
+        listener.prompt("was that your move?", ("yes", "no", "takeback", "e2e4"))
         listener._heed(speech(f"{ADDRESS} no").tobytes())
         assert table.lines.get_nowait() == "no"
         listener.answered()
