@@ -35,7 +35,7 @@ def reply(understood: str | None, waiting: str | None) -> Reply:
 
     ``waiting`` is the line that was asked about: moves are, and what changes the game.
 
-    Of letters that rhyme one in ten is misheard, and a move that the arm has answered costs more than one word.
+    Letters that rhyme are misheard now and then, and a move that the arm has answered costs more than one word.
     """
     if understood is None:
         return Reply(sentence="that could be two moves: say from which square")
