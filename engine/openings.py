@@ -12,6 +12,8 @@ from engine.errors import EngineRefused
 from engine.policy import MATE
 from engine.stockfish import Candidate, Engine, EngineSettings
 
+OPENING_PLIES = 8
+"""Of a game of two engines that come from the seed, of both sides together."""
 LINES = 6
 """Moves considered at each ply."""
 NODES = 20_000

@@ -30,9 +30,9 @@ from app.records.recorded_games import recorded_games
 from app.rig.rig_file import load_rig
 from app.rig.simulation.settings import load_randomisation
 from app.settings.calibration import load_calibration
+from app.settings.defaults import Settings
 from app.settings.files import as_toml, kept_settings, load_settings
 from app.settings.time_control import TimeControl
-from app.settings.tree import Settings
 from engine.book import Book, BookSettings
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError

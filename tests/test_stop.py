@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from app.execution.permission import WENT_ON
+from app.execution.pauses import WENT_ON
 from app.records import read_events
 from app.settings.files import keep_settings, kept_settings
 from controller.protocol import Flag

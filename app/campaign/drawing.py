@@ -16,8 +16,8 @@ from pydantic import BaseModel, ValidationError
 from app.campaign.schema import DrawnValue, TaskKind
 from app.campaign.spec import CampaignSpec, ChoiceRange, DrawRange, fields, is_whole
 from app.campaign.task import CampaignFaults, CampaignStart, CampaignTask, SessionPlan
+from app.settings.defaults import PlayerKind, Settings
 from app.settings.options import option_of
-from app.settings.tree import PlayerKind, Settings
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation

@@ -20,7 +20,7 @@ from app.campaign.ledger import WHOLE, Ledger, Shard
 from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskKind, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec, ChoiceRange
-from app.campaign.tables import write_tables
+from app.campaign.tables import GrowingTables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
 from app.campaign.workers.cluster import open_cluster
@@ -30,10 +30,6 @@ from app.campaign.workers.worker import play_task
 from app.records.files import recording
 from hardware.frozen import Frozen
 
-TABLES_EVERY: Final = 180.0
-"""The tables are made anew so often [s, wall] …"""
-TABLES_SHARE: Final = 0.01
-"""… and at most for this share of the time."""
 WINDOW: Final = 2
 """So many tasks for each core are handed out: one is played, one waits."""
 _FILES: Final = ("engine.book", "white.book", "black.book", "vision.calibration")
@@ -145,7 +141,7 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                 return given.model_dump_json()
 
             tasks = (draw(spec, index) for index in indices if index not in ledger.done)
-            tables = _Tables(wish.folder, kept.spec)
+            tables = GrowingTables(wish.folder, kept.spec)
             try:
                 for result in _results(tasks, workers, order, shown, environment):
                     if ledger.add(result):
@@ -203,26 +199,6 @@ def _workers(wish: CampaignWish) -> Iterator[_Workers]:
         raise
     else:
         local.shutdown()
-
-
-class _Tables:
-    """Parquet as it grows."""
-
-    def __init__(self, folder: Path, spec: CampaignSpec) -> None:
-        self._folder, self._spec = folder, spec
-        self._next = time.monotonic() + TABLES_EVERY
-
-    def write_if_due(self) -> None:
-        """Not more often than it is worth."""
-        since = time.monotonic()
-        if since >= self._next:
-            self.write()
-            took = time.monotonic() - since
-            self._next = time.monotonic() + max(TABLES_EVERY, took / TABLES_SHARE)
-
-    def write(self) -> None:
-        """From all ledgers."""
-        write_tables(self._folder, self._spec)
 
 
 def engine_of(spec: CampaignSpec) -> str | None:

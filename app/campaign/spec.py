@@ -20,7 +20,7 @@ from pydantic import BaseModel, Field, NonNegativeInt, model_validator
 
 from app.campaign.schema import TaskKind
 from app.campaign.task import CampaignFaults, CampaignStart, SessionPlan
-from app.settings.tree import Settings
+from app.settings.defaults import Settings
 from hardware.frozen import FrozenFinite
 from hardware.sim.process.randomisation import Randomisation
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +23,10 @@ from app.records.files import recording
 
 BATCH: Final = 256
 """Games at a time."""
+EVERY: Final = 180.0
+"""The tables are made anew so often [s, wall] …"""
+SHARE: Final = 0.01
+"""… and at most for this share of the time."""
 _ARROW: Final = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string(), bool: pyarrow.bool_()}
 
 
@@ -40,6 +45,26 @@ def write_tables(folder: Path, spec: CampaignSpec) -> None:
             for batch in _batches(_unique(folder)):
                 games.add([result.game.columns() for result in batch])
                 plies.add([ply.columns() for result in batch for ply in result.plies])
+
+
+class GrowingTables:
+    """Parquet as it grows."""
+
+    def __init__(self, folder: Path, spec: CampaignSpec) -> None:
+        self._folder, self._spec = folder, spec
+        self._next = time.monotonic() + EVERY
+
+    def write_if_due(self) -> None:
+        """Not more often than it is worth."""
+        since = time.monotonic()
+        if since >= self._next:
+            self.write()
+            took = time.monotonic() - since
+            self._next = time.monotonic() + max(EVERY, took / SHARE)
+
+    def write(self) -> None:
+        """From all ledgers."""
+        write_tables(self._folder, self._spec)
 
 
 def games_schema(spec: CampaignSpec) -> pyarrow.Schema:

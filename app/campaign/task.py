@@ -8,7 +8,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, field
 
 from app.campaign.schema import DrawnValue, TaskKind
 from app.campaign.tasks.acts import OFTEN, Act
-from app.settings.tree import Settings
+from app.settings.defaults import Settings
 from hardware.frozen import FrozenFinite
 from hardware.sim.process.randomisation import Randomisation
 

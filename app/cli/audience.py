@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from app.page.starting import StartedPage
     from app.play.session import SessionResult
     from app.players.person import Lines
-    from app.settings.tree import Settings
+    from app.settings.defaults import Settings
     from app.terminal.interface import UserInterface
     from app.terminal.typed_lines import TypedLines
     from app.voice.listener import Listener

@@ -20,7 +20,7 @@ from app.cli.online import require_extra
 if TYPE_CHECKING:
     from app.play.session import SessionResult
     from app.players.person import Lines
-    from app.settings.tree import Settings
+    from app.settings.defaults import Settings
     from app.terminal.interface import UserInterface
 
 
@@ -95,7 +95,7 @@ def play(
         fail(f"--color is '{color}', choose white or black")
 
     page_ahead = page_of_command(context)
-    from app.settings.tree import PlayerKind
+    from app.settings.defaults import PlayerKind
 
     also: dict[str, object] = {"rig.video": False}
     believed = options.settings_of_command(context, config, also)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from app.linked.secret import LinkSecret
     from app.play.session import SessionResult
     from app.players.person import Lines
-    from app.settings.tree import LinkSection, Settings
+    from app.settings.defaults import LinkSection, Settings
     from app.terminal.interface import UserInterface
 
 Person = Annotated[
@@ -91,7 +91,7 @@ def join(
     """Join the game of another robot; each of the two tables shows all of it."""
     from app import UserError
     from app.linked.link import parse_address
-    from app.settings.tree import LinkSection
+    from app.settings.defaults import LinkSection
 
     try:
         where, port = parse_address(address, LinkSection().port)

@@ -16,7 +16,7 @@ from app.cli.ending import ask, fail, say
 if TYPE_CHECKING:
     from app.play.session import SessionResult
     from app.players.person import Lines
-    from app.settings.tree import Settings
+    from app.settings.defaults import Settings
     from app.terminal.interface import UserInterface
 
 

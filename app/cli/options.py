@@ -14,7 +14,7 @@ import typer
 from app.cli.ending import fail, say
 
 if TYPE_CHECKING:
-    from app.settings.tree import Settings
+    from app.settings.defaults import Settings
 
 Rig = Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")]
 Pace = Annotated[

@@ -22,7 +22,7 @@ from app.rig.remote import open_board_camera
 from app.rig.rig_file import RigFile, WorldSection, load_rig
 from app.rig.simulation.processes import drives_of, require_world
 from app.rig.simulation.settings import own_rig
-from app.settings.tree import SIMULATED
+from app.settings.defaults import SIMULATED
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from app import UserError
 from app.rig.rig_file import load_rig
-from app.settings.tree import SIMULATED
+from app.settings.defaults import SIMULATED
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED

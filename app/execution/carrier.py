@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, progress_of
-from app.execution.permission import Permission
+from app.execution.pauses import Permission
 from app.execution.state import Attendant, Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.order import Point

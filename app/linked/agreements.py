@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from app.linked.log import LinkedState
 from app.linked.messages import AgreementMessage, BeginEntry, Entry, MoveEntry, Proposal, ProposalMessage
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 
 
 @dataclass(slots=True)

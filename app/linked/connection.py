@@ -19,7 +19,7 @@ from app.linked.messages import LONGEST_MESSAGE, AliveMessage, LeavingMessage, M
 from app.linked.peer import LinkedPeer
 from app.linked.secret import LinkSecret
 from app.records import RecordError
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 
 HEARTBEAT: Final = 2.0
 """Something is said at least so often [s, wall]."""

@@ -29,9 +29,9 @@ from app.players.remote import Notice, Offer, OfferAnswered, Offered, RemoteOppo
 from app.records import new_folder, utc_now
 from app.records.files import GAMES, make_folder
 from app.rig.simulation.ahead import RigAhead
+from app.settings.defaults import LinkRole, Settings
 from app.settings.files import kept_settings
 from app.settings.time_control import ArmTime
-from app.settings.tree import LinkRole, Settings
 from app.terminal.interface import UserInterface
 
 POLL: Final = 0.2

@@ -20,7 +20,7 @@ from app.linked.messages import (
 )
 from app.linked.sealing import Handshake
 from app.linked.secret import LinkSecret
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 
 WHY: Final = {
     "secret": "the two robots do not have the same secret, or somebody stands between them: give both one --secret",

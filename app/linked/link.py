@@ -20,7 +20,7 @@ from app.linked.messages import LONGEST_SENTENCE, printable
 from app.linked.opponent import LinkedOpponent, new_game
 from app.linked.peer import LinkedPeer
 from app.linked.secret import LinkSecret
-from app.settings.tree import LinkRole, LinkSection, Settings
+from app.settings.defaults import LinkRole, LinkSection, Settings
 from hardware.piece_set import Colour
 
 ROBOTS_FILE: Final = "link-robots.json"

@@ -19,8 +19,8 @@ from app.game.clock import ChessClock
 from app.linked.errors import LinkBroken, LinkError
 from app.linked.messages import ENTRY, BeginEntry, EndEntry, Entry, MoveEntry, TakeBackEntry
 from app.records.files import LineLog, whole_lines
+from app.settings.defaults import LinkRole
 from app.settings.time_control import TimeControl
-from app.settings.tree import LinkRole
 
 LOG_FILE: Final = "link.jsonl"
 """In the folder of a match."""

@@ -38,7 +38,7 @@ from app.linked.messages import (
 )
 from app.linked.stopwatch import Stopwatch
 from app.players.remote import Offer, OfferAnswered, Offered
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 
 OFFERS: Final = MappingProxyType[Proposal, Offer](
     {"draw": Offer.DRAW, "take back": Offer.TAKE_BACK, "rematch": Offer.REMATCH}

@@ -1,94 +1,29 @@
-"""Gains scheduled by the distance to the board: soft where contacts happen, stiff in the air."""
+"""How stiff and how damped the arm is, near the board and in the air; ``gain_schedule`` applies it to a motion."""
 
-from enum import Enum
+from pydantic import NonNegativeFloat, PositiveFloat
 
-import numpy as np
-
-from app.motion.path import Vector
-from app.motion.settings import Gains
-from controller.model.compiled import ROW, STATUS, TABLE, FloatArray, compiled, compiled_as
+from hardware.frozen import Frozen
 
 
-class Softness(Enum):
-    """Of z₁, the finger axis, at the start of a motion."""
+class Gains(Frozen):
+    """Task-space gains by natural frequency: k_p = ω², k_v = 2ζω, so that the damping ratio ζ is what is stated."""
 
-    STIFF = 0
-    """Stiff throughout."""
-    BEGINS = 1
-    """Its stiffness goes, and stays away for as long as the tool is near the board."""
-    LASTS = 2
-    """It has none, and gets it back with the distance to the board."""
-
-
-_STIFF = Softness.STIFF.value
-_BEGINS = Softness.BEGINS.value
-
-
-def critical(frequency: tuple[float, float, float], count: int) -> Vector:
-    """k_p [1/s²] and k_v [1/s] of each axis for constant natural frequencies [rad/s] at damping ratio 1, (count, 6)."""
-    each = np.tile(frequency, (count, 1))
-    return np.hstack([each**2, 2.0 * each])
-
-
-@compiled_as(ROW(TABLE))
-def progress(motion: FloatArray) -> FloatArray:
-    """Share of the whole way that is done at each row of a motion, (n, 9) to (n,); 0 where there is no way."""
-    gone = np.zeros(motion.shape[0])
-    for i in range(1, motion.shape[0]):
-        x, y, z = (
-            motion[i, 0] - motion[i - 1, 0], motion[i, 1] - motion[i - 1, 1], motion[i, 2] - motion[i - 1, 2],
-        )  # fmt: skip
-        gone[i] = gone[i - 1] + np.sqrt(x * x + y * y + z * z)
-    if gone[-1] > 0.0:
-        gone /= gone[-1]
-    return gone
-
-
-@compiled
-def _smooth(share: float) -> float:
-    """From 0 to 1 with a continuous derivative."""
-    share = min(1.0, max(0.0, share))
-    return share * share * (3.0 - 2.0 * share)
-
-
-@compiled_as(TABLE(ROW, ROW, ROW, ROW, STATUS, ROW))
-def _scheduled(
-    height: FloatArray, share: FloatArray, time: FloatArray, begun: FloatArray, softness: int, gains: FloatArray
-) -> FloatArray:
-    """See `scheduled`; stiffness and damping side by side, (n, 6)."""
-    in_air, at_contact, double_ratio, soft, stiff, grasp_damping, yielding, firming = gains
-    out = np.empty((height.size, 6))
-    for i in range(height.size):
-        away = _smooth((height[i] - soft) / (stiff - soft))
-        across, upright = in_air, at_contact + away * (in_air - at_contact)
-        damping = double_ratio * in_air
-        if softness != _STIFF:
-            # with the distance on the way up, and on the way down to the next contact it stays; but no quicker than a
-            # tool that went to its piece can come back: else it would seem to be held
-            firm = min(max(away, _smooth((share[i] - 0.3) / 0.4)), _smooth(time[i] / firming))
-            if softness == _BEGINS:
-                firm = max(firm, 1.0 - _smooth(begun[i] / yielding))
-            across *= firm
-            damping = grasp_damping + firm * (damping - grasp_damping)
-        out[i, 0], out[i, 1], out[i, 2] = across * across, in_air * in_air, upright * upright
-        out[i, 3], out[i, 4], out[i, 5] = damping, double_ratio * in_air, double_ratio * upright
-    return out
-
-
-def scheduled(height: Vector, share: Vector, time: Vector, begun: Vector, softness: Softness, gains: Gains) -> Vector:
-    """Stiffness k_p [1/s²] and damping k_v [1/s] of each axis, (n, 6); both are continuous, with a continuous
-    derivative.
-
-    Args:
-        height: of the carried foot, or of the pads above their lowest point, over the board, shape (n,) [m].
-        share: of the motion's way that is done, (n,).
-        time: since the arm moved off, negative before, (n,) [s].
-        begun: since the motion began, (n,) [s].
-        softness: of z₁ at the start.
-        gains: frequencies and where they apply.
-    """
-    numbers = np.array([
-        gains.frequency_in_air, gains.frequency_at_contact, 2.0 * gains.damping_ratio, gains.soft_height,
-        gains.stiff_height, gains.grasp_damping, gains.yielding, gains.firming,
-    ])  # fmt: skip
-    return _scheduled(height, share, time, begun, softness.value, numbers)
+    frequency_in_air: PositiveFloat = 70.0
+    """ω of all axes away from contacts; a step of 0.88 ms and one tick of delay leave it ample margin [rad/s]."""
+    frequency_at_contact: PositiveFloat = 20.0
+    """ω of z₃ where a foot meets the board: a height wrong by 1 mm then presses with 0.4 N [rad/s]."""
+    damping_ratio: PositiveFloat = 1.0
+    soft_height: PositiveFloat = 0.004
+    """z₃ is at its softest below this height above the contact [m] …"""
+    stiff_height: PositiveFloat = 0.014
+    """… and as stiff as in air above this one; smooth between [m]."""
+    grasp_damping: PositiveFloat = 4.0
+    """k_v of z₁ while the fingers close or open; its stiffness is 0 then, so that the tool goes to the piece instead of
+    pushing it [1/s]."""
+    tactile_gain: NonNegativeFloat = 5.0
+    """k* while the fingers close or open [1/kg]. With the paper's 2 the friction of the shafts, of which about 0.1 N is
+    felt at the tool, makes half of the tool's yielding go into pushing the piece; see bench motion."""
+    yielding: PositiveFloat = 0.020
+    """Stiffness along z₁ goes within this time when a grasp or a release begins [s] …"""
+    firming: PositiveFloat = 0.120
+    """… and comes back no quicker than this: a tool 3 mm off then comes back before the error counts as an obstacle."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.motion.arcs import Arc, Workcell, homewards, over
 from app.motion.fallen.lying import NO_LOOSE_PIECES, LoosePieces, standing_near
-from app.motion.gains import Softness
+from app.motion.gain_schedule import Softness
 from app.motion.motions import loosened, motion_of
 from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector

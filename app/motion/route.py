@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.motion.gains import Softness, progress, scheduled
+from app.motion.gain_schedule import Softness, progress, scheduled
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law, MotionSettings
 from app.motion.timing.reference import Segment, along, dwell, glide, join, to_samples

@@ -20,8 +20,8 @@ from app.players.person import Lines
 from app.records import EVENTS_FILE
 from app.records.events import StartEvent, read_events
 from app.rig.simulation.ahead import RigAhead
+from app.settings.defaults import OnlineUse, PlayerKind, PracticeSection, Settings
 from app.settings.files import kept_settings
-from app.settings.tree import OnlineUse, PlayerKind, PracticeSection, Settings
 from app.terminal.interface import UserInterface
 
 _T = TypeVar("_T")

@@ -25,7 +25,7 @@ from app.online.terms import BLITZ, TablePace, Terms, of_challenge
 from app.players.commands import Word, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
-from app.settings.tree import OnlineSection, OnlineUse
+from app.settings.defaults import OnlineSection, OnlineUse
 from app.terminal.interface import UserInterface
 
 POLL: Final = 0.2

@@ -15,6 +15,8 @@ from hardware.piece_set import Colour
 
 LONGEST_GAME: Final = 12_000
 """No game has more plies by the 75-move rule [plies]."""
+CHAT_SHOWN: Final = 140
+"""So much of a message in the game's chat is shown [characters]."""
 
 _Milliseconds = Annotated[int, Field(ge=0, le=1 << 40)]
 _Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w. +-]+$")]
@@ -133,6 +135,11 @@ class ChatLine(_Message):
     room: Annotated[str, Field(max_length=16)]
     username: Annotated[str, Field(max_length=64)]
     text: Annotated[str, Field(max_length=1000)]
+
+    @property
+    def shown(self) -> str:
+        """The part of it that a person is shown: no more than ``CHAT_SHOWN`` characters, none that moves the cursor."""
+        return "".join(char for char in self.text[:CHAT_SHOWN] if char.isprintable())
 
 
 class StartedGame(_Message):

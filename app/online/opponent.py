@@ -37,8 +37,6 @@ from app.players.remote import (
     TakenBack,
 )
 
-_CHAT: Final = 140
-"""So much of a message is shown [characters]."""
 _SAYS: Final = {Offer.DRAW: "draw", Offer.TAKE_BACK: "takeback"}
 
 
@@ -247,8 +245,7 @@ class LichessOpponent:
             case OpponentGone():
                 self._hear_gone(line)
             case ChatLine() if line.room == "player" and line.username not in (self._mine, "lichess"):
-                text = "".join(char for char in line.text[:_CHAT] if char.isprintable())
-                self._put(Notice(f"{self._name} writes: {text}"))
+                self._put(Notice(f"{self._name} writes: {line.shown}"))
             case _:
                 pass
 

@@ -7,8 +7,8 @@ from typing import Final
 
 from app import UserError
 from app.online.messages import Challenge
+from app.settings.defaults import BOARD, OnlineUse, Settings
 from app.settings.time_control import Extra, TimeControl, clock_text
-from app.settings.tree import BOARD, OnlineUse, Settings
 
 MOVES: Final = 40
 """Of a side, in a game of usual length: Lichess tells speeds by as many."""

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from app import UserError
 from app.page.web.security import Names
 from app.page.web.sign_in import PasswordHash, SignIn
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 
 BACKLOG: Final = 64
 

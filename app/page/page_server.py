@@ -25,7 +25,7 @@ from app.page.web.connections import HttpConnection, WebSocketConnection
 from app.page.web.pictures import Pictures
 from app.page.web.server import Site, site_app
 from app.records.files import RecordError
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 
 FOLLOW: Final = 0.1
 """A record that grows is looked at so often [s, wall]."""

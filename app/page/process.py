@@ -21,7 +21,7 @@ from app import UserError
 from app.page.entrance import Entrance, open_entrance
 from app.page.live.feed import Feed
 from app.page.page_server import PageServer
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from hardware.frozen import Frozen
 
 NICE: Final = 5

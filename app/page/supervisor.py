@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from app.page.publisher import PagePublisher
 from app.page.starting import StartedPage
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 
 PATIENCE: Final = 3.0
 """Longer than this nobody waits for a page that is to end [s, wall]."""

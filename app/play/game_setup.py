@@ -17,7 +17,7 @@ from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig
 from app.rig.simulation.ahead import RigAhead
 from app.rig.simulation.settings import rig_for_game
-from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
+from app.settings.defaults import BOARD, SIMULATED, PadKind, RigSection
 from controller.wire.link import Listener
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters

@@ -23,8 +23,8 @@ from app.players.players import Players
 from app.practice.odds import at_odds
 from app.practice.puzzles import Puzzle, PuzzleAdviser, puzzles_from
 from app.records.recorded_games import RecordedGame, recorded_games
+from app.settings.defaults import PlayerKind, Settings
 from app.settings.files import keep_settings
-from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface
 
 NOBODY = "-"

@@ -33,8 +33,8 @@ from app.records.files import GAMES, make_folder
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile
 from app.rig.simulation.ahead import RigAhead
+from app.settings.defaults import BOARD, SIMULATED, PlayerKind, Settings
 from app.settings.files import keep_settings, kept_settings
-from app.settings.tree import BOARD, SIMULATED, PlayerKind, Settings
 from app.terminal.interface import UserInterface
 from app.terminal.shown import RigKind, SessionShown
 from controller.wire.link import Listener

@@ -14,17 +14,16 @@ from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
 from app.players.tablebase import Tablebase
 from app.practice.repertoire import RepertoirePlayer, load_repertoire
+from app.settings.defaults import PlayerKind, Settings
 from app.settings.time_control import TimeControl
-from app.settings.tree import PlayerKind, Settings
 from app.terminal.interface import UserInterface
 from engine.book import Book, BookSettings
-from engine.openings import opening_engine, varied_opening
+from engine.openings import OPENING_PLIES, opening_engine, varied_opening
 from engine.policy import RESIGNING, DrawResignPolicy
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
 from hardware.interfaces import Pace
 
-OPENING_PLIES: Final = 8
 MOVE_TIME: Final = 0.2
 """Of a move where neither a clock, nor a time, nor nodes say otherwise [s]."""
 LONGEST_THOUGHT: Final = 3.0

@@ -37,8 +37,8 @@ from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, new_folder, read_history, utc_now
 from app.records.files import GAMES, make_folder
 from app.rig.simulation.ahead import RigAhead
+from app.settings.defaults import BOARD, Settings
 from app.settings.files import keep_settings, kept_settings
-from app.settings.tree import BOARD, Settings
 from app.terminal.interface import UserInterface
 
 

@@ -8,7 +8,7 @@ from app import UserError
 from app.play.game_setup import RigSetup
 from app.play.session import SessionVision
 from app.players.person import Human
-from app.settings.tree import Settings
+from app.settings.defaults import Settings
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Intrinsics
 

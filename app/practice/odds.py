@@ -8,7 +8,7 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.settings.tree import Odds
+from app.settings.defaults import Odds
 
 _FILES: Final = MappingProxyType({Odds.PAWN: "f", Odds.KNIGHT: "b", Odds.BISHOP: "c", Odds.ROOK: "a", Odds.QUEEN: "d"})
 """Where the piece is missing, by custom: the king's bishop's pawn, else the piece on the queen's side."""

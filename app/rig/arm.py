@@ -11,7 +11,8 @@ import numpy as np
 
 from app import UserError
 from app.pieces.inventory import Stage
-from controller.protocol.causes import Cause, explain
+from controller.protocol.cause_sentences import explain
+from controller.protocol.causes import Cause
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient, MotionOutcome
 from controller.wire.errors import MotionRefused, MotionStopped

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from app.rig.devices import RigFailed
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED, State

@@ -7,7 +7,7 @@ from app.rig.devices import Rig, RigFailed
 from app.rig.remote import RemoteRig
 from app.rig.rig_file import RigFile, load_rig
 from app.rig.simulation.sim import SimRig
-from app.settings.tree import BOARD, SIMULATED
+from app.settings.defaults import BOARD, SIMULATED
 from controller.wire.link import Listener
 
 

@@ -24,8 +24,8 @@ from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, model_validator
 
+from app.settings.defaults import SIMULATED, Processes
 from app.settings.toml import ConfigError, load_toml, toml_value
-from app.settings.tree import SIMULATED, Processes
 from controller.protocol.key import load_key
 from controller.settings import ANY_PORT, LOOPBACK, ControllerSettings
 from controller.wire.address import ControllerAddress, find_controller

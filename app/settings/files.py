@@ -16,9 +16,9 @@ from pydantic import BaseModel, ValidationError
 
 from app import UserError
 from app.records.files import write_atomically
+from app.settings.defaults import Settings
 from app.settings.options import option_of
 from app.settings.toml import ConfigError, load_toml, toml_value
-from app.settings.tree import Settings
 
 SETTINGS_FILE: Final = "settings.json"
 """In the folder of a match: what it was started with."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel
 
-from app.settings.tree import SIMULATED, OnlineUse, Settings
+from app.settings.defaults import SIMULATED, OnlineUse, Settings
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Collection
-from typing import Final, Self
+from typing import Self
 
 import chess
 
@@ -14,11 +14,8 @@ from app.records import PlyEvent
 from app.terminal.interface import UserInterface
 from app.voice.dialogue import PATIENCE, Reply, reply
 from app.voice.microphone import PROGRAM, Microphone
-from app.voice.phrases import ADDRESS, NO, YES, grammar_of, lines_of, sayable
+from app.voice.phrases import ADDRESS, NEITHER, NO, YES, grammar_of, lines_of, sayable
 from app.voice.recogniser import Recogniser
-
-_ELSE: Final = ("hello", "okay", "what", "maybe", "thank you", "i think", "let me see", "well", "now", "good", "right")
-"""What else people say where a yes or no is expected: each stands beside them, or a cough would be one of them."""
 
 
 class Listener(UserInterface):
@@ -87,7 +84,7 @@ class Listener(UserInterface):
         if addressed or self._called:
             self._heed_request(sound, f"{ADDRESS} " if addressed else "")
         elif self._waiting is not None:
-            answer = self._recogniser.understood(sound, " | ".join((YES, NO, *_ELSE)))
+            answer = self._recogniser.understood(sound, " | ".join((YES, NO, *NEITHER)))
             if answer in (YES, NO):
                 self._go_on(reply(answer, self._waiting))
 

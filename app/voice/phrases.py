@@ -18,6 +18,20 @@ ADDRESS: Final = "computer"
 hey robot, okay robot, hey computer) it was found most often where it was said, and least where it was not."""
 YES: Final = "yes"
 NO: Final = "no"
+NEITHER: Final = (
+    "hello",
+    "okay",
+    "what",
+    "maybe",
+    "thank you",
+    "i think",
+    "let me see",
+    "well",
+    "now",
+    "good",
+    "right",
+)
+"""What else people say where a yes or no is expected: each stands beside them, or a cough would be one of them."""
 Pattern = tuple[tuple[str, ...], ...]
 """What can be said: one of some words in each place, of which one may be empty."""
 REQUESTS: Final[Mapping[str, Word]] = MappingProxyType({

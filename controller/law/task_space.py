@@ -20,9 +20,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from controller.law.exact_linearisation import exact_joint_law, exact_task_law, neglected_acceleration
+from controller.law.settings import LawSettings
 from controller.model.compiled import (
     PAIR,
     ROW,
@@ -66,17 +66,6 @@ from controller.model.state import (
     views,
 )
 from hardware.interfaces import Triple
-
-
-class LawSettings(BaseModel):
-    """Settings of the law."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    friction_compensation: bool = True
-    """Whether the shafts' viscous and Coulomb friction is fed forward from the measured velocity."""
-    coulomb_speed: PositiveFloat = 0.05
-    """The Coulomb term's sign is tanh(q̇ / coulomb_speed): no chatter about standstill [rad/s]."""
 
 
 @compiled_as(STATUS(TABLE, VECTOR, VECTOR))

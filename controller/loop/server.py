@@ -24,7 +24,8 @@ from controller.loop.supervisor import Supervisor
 from controller.loop.tick import LOOK_CLOSER
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
-from controller.protocol.causes import Cause, explain
+from controller.protocol.cause_sentences import explain
+from controller.protocol.causes import Cause
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.messages import Welcome
 from controller.protocol.states import State

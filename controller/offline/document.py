@@ -11,7 +11,8 @@ from pathlib import Path
 
 from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
 from controller.protocol import layout as wire
-from controller.protocol.causes import Cause, template
+from controller.protocol.cause_sentences import template
+from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope
 from controller.protocol.states import TRANSITIONS, Event, State
 from controller.records.flight_file import FLIGHT

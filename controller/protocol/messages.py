@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.protocol.causes import Cause, explain
+from controller.protocol.cause_sentences import explain
+from controller.protocol.causes import Cause
 from controller.protocol.layout import (
     ADMIT_SPEED,
     ANNOUNCE,

@@ -18,7 +18,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.protocol.causes import Cause, explain
+from controller.protocol.cause_sentences import explain
+from controller.protocol.causes import Cause
 from controller.protocol.layout import VERSION, CommandCode, Field, Layout, MotionFlag
 from controller.protocol.messages import Announce
 

@@ -12,11 +12,13 @@ from typing import Final
 
 import chess
 import numpy as np
+from chess import square_name
 
 from vision.arrays import Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import Situation
+from vision.reading.unfinished_moves import halves_of, played
 
 States = Indices
 
@@ -77,7 +79,7 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
 
 def _legal(at: _Difference) -> Diagnosis | None:
     for move in _moves(at.board):
-        if _shows(at, _played(at.board, move)):
+        if _shows(at, played(at.board, move)):
             sentence = f"this looks like {at.board.san(move)}, but not clearly: was that it?"
             return Diagnosis(Situation.LEGAL, _touched(move, at), sentence)
     return None
@@ -99,57 +101,27 @@ def _taken_back(at: _Difference) -> Diagnosis | None:
 def _unfinished(at: _Difference) -> Diagnosis | None:
     """Parts of legal moves that take more than one piece."""
     for move in _moves(at.board):
-        for states, advice in _halves(at.board, move):
+        for states, advice in halves_of(at.board, move):
             if np.array_equal(states, at.seen):
-                squares = {*_touched(move, at), *_squares(states_of(codes_of(_played(at.board, move))) != at.seen)}
+                squares = {*_touched(move, at), *_squares(states_of(codes_of(played(at.board, move))) != at.seen)}
                 return Diagnosis(Situation.UNFINISHED, tuple(sorted(squares)), advice)
     return None
-
-
-def _halves(board: chess.Board, move: chess.Move) -> Iterator[tuple[States, str]]:
-    """What stands there while a move is half made, and how to go on."""
-    states, san = states_of(codes_of(board)), board.san(move)
-    after = states_of(codes_of(_played(board, move)))
-    if board.is_castling(move):
-        kingside = board.is_kingside_castling(move)
-        rank = chess.square_rank(move.from_square)
-        old, new = (chess.square(file, rank) for file in ((7, 5) if kingside else (0, 3)))
-        king = chess.square(6 if kingside else 2, rank)
-        first = states.copy()
-        first[move.from_square], first[king] = EMPTY, states[move.from_square]
-        yield first, f"{san} is only half made: put the rook from {_name(old)} on {_name(new)}"
-        return
-    if board.is_capture(move):
-        taken = _captured(board, move)
-        off = states.copy()
-        off[taken] = EMPTY
-        yield off, f"the piece on {_name(taken)} is off: finish the capture, or put it back on {_name(taken)}"
-        lifted = off.copy()
-        lifted[move.from_square] = EMPTY
-        yield (
-            lifted,
-            f"{san} is only half made: put the piece from {_name(move.from_square)} on {_name(move.to_square)}",
-        )
-        if board.is_en_passant(move):
-            left = after.copy()
-            left[taken] = states[taken]
-            yield left, f"{san} is only half made: take the pawn on {_name(taken)} off the board"
 
 
 def _two_moves(at: _Difference) -> Diagnosis | None:
     if len(at.squares) > MANY:
         return None
     for first in _moves(at.board):
-        after = _played(at.board, first)
+        after = played(at.board, first)
         for own in (False, True):
             board = after.copy(stack=False)
             if own:
                 board.turn, board.ep_square = at.board.turn, None
             for second in board.legal_moves:
-                if _shows(at, _played(board, second)):
+                if _shows(at, played(board, second)):
                     names = f"{at.board.san(first)} and {board.san(second)}"
                     whose = f"{_side(at.board.turn)} has moved twice" if own else "both sides have moved"
-                    back = f"that now stands on {_name(second.to_square)}, to {_name(second.from_square)}"
+                    back = f"that now stands on {square_name(second.to_square)}, to {square_name(second.from_square)}"
                     return at.says(Situation.TWO_MOVES, f"{whose}, {names}: put back the piece {back}")
     return None
 
@@ -163,15 +135,15 @@ def _moved(at: _Difference) -> Diagnosis | None:
     piece = at.board.piece_at(start)
     if piece is None or at.seen[end] != (WHITE if piece.color else BLACK):
         return None
-    name, back = f"the {_piece(piece)} from {_name(start)}", f"put it back on {_name(start)}"
+    name, back = f"the {_piece(piece)} from {square_name(start)}", f"put it back on {square_name(start)}"
     taken = at.board.piece_at(end)
     if taken is not None:
-        back += f", and the {_piece(taken)} on {_name(end)}"
+        back += f", and the {_piece(taken)} on {square_name(end)}"
     if piece.color != at.board.turn:
         turn = f"it is {_side(at.board.turn)}'s move"
-        return at.says(Situation.WRONG_SIDE, f"{name} was moved to {_name(end)}, but {turn}: {back}")
+        return at.says(Situation.WRONG_SIDE, f"{name} was moved to {square_name(end)}, but {turn}: {back}")
     reason = _why_not(at.board, chess.Move(start, end), piece)
-    return at.says(Situation.ILLEGAL, f"{name} must not go to {_name(end)}, {reason}: {back}")
+    return at.says(Situation.ILLEGAL, f"{name} must not go to {square_name(end)}, {reason}: {back}")
 
 
 def _castled(at: _Difference) -> Diagnosis | None:
@@ -183,7 +155,7 @@ def _castled(at: _Difference) -> Diagnosis | None:
             states[chess.square(end, rank)] = states[chess.square(start, rank)]
             states[chess.square(start, rank)] = EMPTY
         if np.array_equal(states, at.seen):
-            homes = f"{_name(chess.square(4, rank))} and {_name(chess.square(rook[0], rank))}"
+            homes = f"{square_name(chess.square(4, rank))} and {square_name(chess.square(rook[0], rank))}"
             return at.says(Situation.ILLEGAL, f"{san} is not allowed here: put king and rook back on {homes}")
     return None
 
@@ -200,26 +172,26 @@ def _own_taken(at: _Difference) -> Diagnosis | None:
         return None
     end = own[0]
     return Diagnosis(
-        Situation.ILLEGAL, tuple(sorted((start, end))), f"the {_piece(piece)} on {_name(start)} is missing, and it may "
-        f"stand on {_name(end)}, on its own {_piece(at.board.piece_at(end))}'s place: put both back",
+        Situation.ILLEGAL, tuple(sorted((start, end))), f"the {_piece(piece)} on {square_name(start)} is missing, and "
+        f"it may stand on {square_name(end)}, on its own {_piece(at.board.piece_at(end))}'s place: put both back",
     )  # fmt: skip
 
 
 def _single(at: _Difference) -> Diagnosis | None:
     """One square is wrong, or several of one sort."""
     if at.gone and not at.new and not at.turned and len(at.gone) <= MANY:
-        pieces = _list(f"the {_piece(at.board.piece_at(square))} on {_name(square)}" for square in at.gone)
+        pieces = _list(f"the {_piece(at.board.piece_at(square))} on {square_name(square)}" for square in at.gone)
         them, places = ("it", "there") if len(at.gone) == 1 else ("them", "on their squares")
         verb = "is" if len(at.gone) == 1 else "are"
         return at.says(Situation.MISSING, f"{pieces} {verb} missing: put {them} back {places}, or finish your move")
     if at.new and not at.gone and not at.turned and len(at.new) <= MANY:
         pieces = _list(
-            f"a {'white' if at.seen[square] == WHITE else 'black'} piece on {_name(square)}" for square in at.new
+            f"a {'white' if at.seen[square] == WHITE else 'black'} piece on {square_name(square)}" for square in at.new
         )
         verb, them = ("is", "it") if len(at.new) == 1 else ("are", "them")
         return at.says(Situation.EXTRA, f"there {verb} {pieces}, where none should be: take {them} off")
     if at.turned and not at.gone and not at.new and len(at.turned) <= MANY:
-        pieces = _list(f"{_name(square)} ({_piece(at.board.piece_at(square))})" for square in at.turned)
+        pieces = _list(f"{square_name(square)} ({_piece(at.board.piece_at(square))})" for square in at.turned)
         return at.says(Situation.RECOLOURED, f"a piece of the other colour stands on {pieces}: put the right one there")
     return None
 
@@ -228,8 +200,10 @@ def _wrong_board(at: _Difference) -> Diagnosis:
     if len(at.squares) > MANY:
         wrong = f"{len(at.squares)} squares are not as they should be ({_names(at.squares)})"
         return at.says(Situation.WRONG_BOARD, f"{wrong}: set the position up again")
-    actions = [f"the {_piece(at.board.piece_at(square))} belongs on {_name(square)}" for square in at.gone + at.turned]
-    actions += [f"nothing belongs on {_name(square)}" for square in at.new]
+    actions = [
+        f"the {_piece(at.board.piece_at(square))} belongs on {square_name(square)}" for square in at.gone + at.turned
+    ]
+    actions += [f"nothing belongs on {square_name(square)}" for square in at.new]
     return at.says(Situation.WRONG_BOARD, f"the board is not as it should be: {_list(iter(actions))}")
 
 
@@ -247,7 +221,7 @@ def _why_not(board: chess.Board, move: chess.Move, piece: chess.Piece) -> str:
         return "the king is in check"
     if board.color_at(move.to_square) == piece.color:
         return "a piece of its own side stands there"
-    return f"a {chess.piece_name(piece.piece_type)} does not move like that here"
+    return f"a {chess.piecesquare_name(piece.piece_type)} does not move like that here"
 
 
 def _moves(board: chess.Board) -> Iterator[chess.Move]:
@@ -255,20 +229,8 @@ def _moves(board: chess.Board) -> Iterator[chess.Move]:
     return (move for move in board.legal_moves if move.promotion in (None, chess.QUEEN))
 
 
-def _played(board: chess.Board, move: chess.Move) -> chess.Board:
-    after = board.copy(stack=False)
-    after.push(move)
-    return after
-
-
 def _shows(at: _Difference, board: chess.Board) -> bool:
     return np.array_equal(states_of(codes_of(board)), at.seen)
-
-
-def _captured(board: chess.Board, move: chess.Move) -> int:
-    if board.is_en_passant(move):
-        return chess.square(chess.square_file(move.to_square), chess.square_rank(move.from_square))
-    return move.to_square
 
 
 def _touched(move: chess.Move, at: _Difference) -> tuple[int, ...]:
@@ -279,16 +241,12 @@ def _squares(mask: Mask) -> tuple[int, ...]:
     return tuple(int(square) for square in np.flatnonzero(mask))
 
 
-def _name(square: int) -> str:
-    return chess.square_name(square)
-
-
 def _names(squares: tuple[int, ...]) -> str:
-    return ", ".join(_name(square) for square in squares)
+    return ", ".join(square_name(square) for square in squares)
 
 
 def _piece(piece: chess.Piece | None) -> str:
-    return "piece" if piece is None else f"{_side(piece.color).lower()} {chess.piece_name(piece.piece_type)}"
+    return "piece" if piece is None else f"{_side(piece.color).lower()} {chess.piecesquare_name(piece.piece_type)}"
 
 
 def _side(colour: chess.Color) -> str:

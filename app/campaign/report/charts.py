@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from app.campaign.report.analysis.explaining import Association
-from app.campaign.report.analysis.figures import (
+from app.campaign.report.analysis.distributions import (
     DURATIONS,
     PEAKS,
     QUANTILES,
@@ -20,6 +19,7 @@ from app.campaign.report.analysis.figures import (
     distribution,
     worst_game,
 )
+from app.campaign.report.analysis.explaining import Association
 from app.campaign.report.analysis.metrics import Metric, MetricSort
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, rate_bounds

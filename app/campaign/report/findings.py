@@ -21,8 +21,8 @@ from app.campaign.report.analysis.comparing import (
     visible_rate,
     with_the_same_plies,
 )
+from app.campaign.report.analysis.distributions import FIGURES, Distribution, ProductBar, distribution, product_bars
 from app.campaign.report.analysis.explaining import Association, explained
-from app.campaign.report.analysis.figures import FIGURES, Distribution, ProductBar, distribution, product_bars
 from app.campaign.report.analysis.locating import located
 from app.campaign.report.analysis.metrics import FAILED, METRICS, OUTCOMES, Metric
 from app.campaign.report.analysis.ranges import drawn_ranges

@@ -14,7 +14,7 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.campaign.report.analysis.comparing import MetricChange
-from app.campaign.report.analysis.figures import FIGURES, CampaignFigure, distribution, share_beyond
+from app.campaign.report.analysis.distributions import FIGURES, CampaignFigure, distribution, share_beyond
 from app.campaign.report.analysis.metrics import METRICS, Metric
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import CONFIDENCE, rate_at_most

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from app.campaign.report.analysis.distributions import COUNTS
 from app.campaign.report.analysis.explaining import Association
-from app.campaign.report.analysis.figures import COUNTS
 from app.campaign.report.analysis.statistics import rate_bounds
 from app.campaign.report.charts import (
     durations_chart,

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.campaign.report.analysis.comparing import MetricChange, known
+from app.campaign.report.analysis.distributions import QUANTILES, Distribution, bounds_beyond, worst_game
 from app.campaign.report.analysis.explaining import Association
-from app.campaign.report.analysis.figures import QUANTILES, Distribution, bounds_beyond, worst_game
 from app.campaign.report.charts import bars_of
 from app.campaign.report.findings import CampaignComparison, CampaignFindings
 from app.campaign.report.page import repeat_command

@@ -24,8 +24,8 @@ from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.players.given_line import parse_line
 from app.rig.devices import RigFailed
+from app.settings.defaults import Settings
 from app.settings.toml import toml_value
-from app.settings.tree import Settings
 from app.terminal.interface import Together, UserInterface
 from engine.errors import EngineProblem
 from hardware.sim.plant.grip_faults import GripFaults

@@ -24,7 +24,7 @@ from app.commissioning.bring_up.steps import (
 )
 from app.commissioning.check_report import CheckState, Finding
 from app.rig.rig_file import load_rig
-from app.settings.tree import BOARD, SIMULATED
+from app.settings.defaults import BOARD, SIMULATED
 
 
 def run_commission(

@@ -14,8 +14,8 @@ from app.commissioning.bring_up.axes import try_axes
 from app.commissioning.bring_up.controlled import arm_of, controller_of
 from app.commissioning.bring_up.motion_judgement import judge_gravity, judge_tracking, judge_workspace
 from app.commissioning.bring_up.motions import MovingArm, edge_points, follow, grid_points, touch, visit
-from app.commissioning.bring_up.naming import name_parameters
 from app.commissioning.bring_up.person import Commissioner
+from app.commissioning.bring_up.rig_file_edit import name_parameters
 from app.commissioning.bring_up.steps import CommissionStep
 from app.commissioning.calibrate import run_calibrate
 from app.commissioning.check_drives import check_bus

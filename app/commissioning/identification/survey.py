@@ -17,7 +17,7 @@ import numpy as np
 from app.commissioning.identification.excitation import Borders, Excitation, find_excitation
 from app.commissioning.identification.recording import JointRecord, NoRecord, load_record
 from app.motion import Motion, MotionSettings, Plan, Planner
-from app.motion.gains import critical
+from app.motion.gain_schedule import critical
 from app.motion.timing.reference import Segment, to_samples
 from app.rig.devices import Rig
 from controller.loop.flight import RECORD_NAME

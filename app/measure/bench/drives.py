@@ -22,7 +22,7 @@ from app.rig.rig_file import RigFile, WorldSection
 from app.rig.simulation.processes import drives_of
 from app.rig.simulation.settings import EMULATED, own_rig
 from app.rig.simulation.timed import timed_rig
-from app.settings.tree import Drives
+from app.settings.defaults import Drives
 from hardware.drives.clock import ExchangeTimes
 from hardware.interfaces import Command, ServoBus
 from hardware.realtime import real_time

@@ -18,7 +18,7 @@ from app.motion.timing.reference import Bounds, Vector
 from controller.loop.admission import Ended
 from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from controller.protocol.states import State
 from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import RobotParameters, load_parameters

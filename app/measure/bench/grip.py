@@ -16,12 +16,12 @@ import numpy as np
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile
-from app.motion.gains import Softness, scheduled
+from app.motion.gain_schedule import Softness, scheduled
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, dwell, join, line, to_samples
 from app.pieces.inventory import Inventory, Stage, Transfer
 from controller.protocol import Result
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from hardware.piece_set import Colour, Kind
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.table import PieceSpec, Place, TableSettings, square_place

@@ -27,8 +27,8 @@ from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.rig.simulation.settings import FAST_TELEMETRY
+from app.settings.defaults import Processes
 from app.settings.files import settings_of
-from app.settings.tree import Processes
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Pace
 from hardware.sim.process.construction import Construction

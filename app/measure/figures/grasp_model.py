@@ -25,8 +25,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.law.settings import LawSettings
 from controller.law.tactile import Pair, force_on_tool, gripper_acceleration, sensor_rate
-from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import STANDARD_GRAVITY, DeltaModel
 from controller.model.kinematics import OK

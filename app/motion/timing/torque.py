@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from app.motion.timing.reference import Segment
-from controller.law.task_space import LawSettings
+from controller.law.settings import LawSettings
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.demand import torque_demand

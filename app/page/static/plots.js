@@ -4,7 +4,7 @@ import {announce, make, say, silence, toggle, useStyles} from './panels/dom.js';
 import {isDark, onTheme} from './panels/theme.js';
 import {watchWhileSeen} from './panels/watch.js';
 import {robotAddress} from './panels/addresses.js';
-import {CHARTS, Recent, SPAN} from './plots/series.js';
+import {CHARTS, Recent, SPAN} from './plots/curves.js';
 import uPlot from './vendor/uplot/uPlot.esm.js';
 
 const PERIOD = 100; // [ms] between two drawings

@@ -30,7 +30,7 @@ from app.page.recorded.shower import JSON, Made, RecordShower, TooMuchWanted
 from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
 from app.page.web.security import SEALED, Gatekeeper, Names
-from app.page.web.sign_in import SignIn
+from app.page.web.sign_in import AGAIN, TRIES, SignIn
 from app.page.web.static_files import STATIC, StaticFiles
 from app.records.files import FILM_FILE
 from app.records.game import FRAMES, PGN_FILE
@@ -40,9 +40,6 @@ from hardware.parameters import load_parameters
 
 LARGEST_FORM: Final = 2048
 """Of what is sent to sign in [bytes]."""
-TRIES: Final = 10.0
-"""So often in a row somebody may sign in with a wrong password, whoever it is; then one try in ``AGAIN`` seconds."""
-AGAIN: Final = 3.0
 FOREVER: Final = 1e9
 """No game is longer [s, plant]."""
 

@@ -26,6 +26,9 @@ _SCHEME: Final = "touchmove-scrypt"
 SHORTEST: Final = 10
 LONGEST: Final = 200
 """Of a password [characters]."""
+TRIES: Final = 10.0
+"""So often in a row somebody may sign in with a wrong password, whoever it is; then one try in ``AGAIN`` seconds."""
+AGAIN: Final = 3.0
 SIGNED_IN: Final = 7 * 24 * 3600
 """A sign-in is good for so long [s, wall]."""
 

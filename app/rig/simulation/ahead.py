@@ -15,7 +15,7 @@ from typing import Final
 
 from app.records.files import GAMES, new_folder
 from app.records.game import utc_now
-from app.settings.tree import SIMULATED, Drives, Processes, RigSection, Settings
+from app.settings.defaults import SIMULATED, Drives, Processes, RigSection, Settings
 from hardware.interfaces import Pace
 
 _COMMANDS: Final = {

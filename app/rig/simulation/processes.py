@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from app import UserError
 from app.rig.drives import Opener, opener_of
 from app.rig.rig_file import ETHERCAT, RIG_FILE, RigFile, WorldSection, load_rig, save_rig
-from app.settings.tree import SIMULATED
+from app.settings.defaults import SIMULATED
 from controller.protocol.key import KeyFileError, create_key
 from hardware.loading import begin_loading, end_loading
 from hardware.sim.clients.wire import world_pid
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 WORLD_TIMEOUT: Final = 60.0
 """A world with cameras takes a few seconds to start [s, wall]."""
+END_TIMEOUT: Final = 8.0
+"""For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 _ALONE: Final = 15.0
 """How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
 

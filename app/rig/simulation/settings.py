@@ -19,8 +19,8 @@ from app.rig.rig_file import (
     WorldSection,
     load_randomisation,
 )
+from app.settings.defaults import Drives, RigSection
 from app.settings.toml import ConfigError
-from app.settings.tree import Drives, RigSection
 from controller.protocol.key import KEY_FILE
 from controller.settings import ANY_PORT
 from hardware.drives.ethercat.settings import EtherCatSettings

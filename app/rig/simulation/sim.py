@@ -22,7 +22,7 @@ from app.rig.remote import RemoteRig
 from app.rig.rig_file import RIG_FILE, RigFile, save_rig
 from app.rig.simulation.adopted import Adopted, Process, adopt
 from app.rig.simulation.ahead import RigAhead
-from app.rig.simulation.processes import last_words, log_of, spawn
+from app.rig.simulation.processes import END_TIMEOUT, last_words, log_of, spawn
 from app.rig.simulation.settings import world_settings
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE
@@ -43,8 +43,6 @@ LAST_WORDS_TIME = 2.0
 """For a world that may be ending to say why, when another process has failed first [s, wall]."""
 _NAMES = {"simulation": "the simulation", "world": "the simulated world", "controller": "the controller"}
 """Of the processes, for people."""
-END_TIMEOUT = 8.0
-"""For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 
 
 class SimRig(RemoteRig):

@@ -10,20 +10,15 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from hardware.drives.moteus.frames import AnswerLayout, Asked, FrameError, address, padded, write
-from hardware.drives.moteus.registers import Mode, Register, Resolution, raw_of, scale_of, value_of
+from hardware.drives.moteus.registers import TOLD_EACH_TICK, Mode, Register, Resolution, raw_of, scale_of, value_of
 
 TURN: Final = 2.0 * math.pi
 _FLOAT: Final = struct.Struct("<f")
 _NEVER: Final = math.nan
 _OUTPUTS: Final = 32
 """States of a port's five digital outputs."""
-_STATE: Final = (
-    Asked(Resolution.INT8, Register.MODE, 1),
-    Asked(Resolution.FLOAT, Register.POSITION, 3),
-    Asked(Resolution.INT8, Register.VOLTAGE, 3),
-)
-"""Asked of every controller: mode; position, velocity, torque; voltage, temperature, fault code."""
-_VOLT, _DEGREE = (scale_of(one, Resolution.INT8) for one in (Register.VOLTAGE, Register.TEMPERATURE))
+_VOLT, _DEGREE = (scale_of(one, TOLD_EACH_TICK[one]) for one in (Register.VOLTAGE, Register.TEMPERATURE))
+_NO_DEGREES: Final = raw_of(Register.TEMPERATURE, TOLD_EACH_TICK[Register.TEMPERATURE], math.nan)
 
 
 class Told(NamedTuple):
@@ -78,7 +73,9 @@ class Controller:
     ) -> None:
         self.device = device
         self._inputs = tuple(inputs)
-        self._layout = AnswerLayout([*_STATE, *_together(inputs)])
+        self._layout = AnswerLayout(
+            _together([*TOLD_EACH_TICK.items(), *((register, Resolution.INT16) for register in inputs)])
+        )
         self._output = output
         self._head = b"can send %04x " % address(device)
         scale = limits.torque, limits.timeout
@@ -115,7 +112,7 @@ class Controller:
         shares = tuple(
             value_of(register, Resolution.INT16, raw) for register, raw in zip(self._inputs, inputs, strict=True)
         )
-        temperature = math.nan if degrees == -128 else degrees * _DEGREE
+        temperature = math.nan if degrees == _NO_DEGREES else degrees * _DEGREE
         return Told(int(mode), turns * TURN, speed * TURN, torque, volts * _VOLT, temperature, int(code), shares)
 
     # their text
@@ -131,14 +128,15 @@ class Controller:
         return _Text(self._head + whole[0][:place], [one[place + 8 :] + b" BF" for one in whole])
 
 
-def _together(registers: Sequence[int]) -> list[Asked]:
-    """Questions for ascending registers; those that follow each other are one."""
+def _together(registers: Sequence[tuple[int, Resolution]]) -> list[Asked]:
+    """Questions for ascending registers; those that follow each other in one resolution are one."""
     asked: list[Asked] = []
-    for register in registers:
-        if asked and register == asked[-1].register + asked[-1].number:
-            asked[-1] = asked[-1]._replace(number=asked[-1].number + 1)
+    for register, resolution in registers:
+        last = asked[-1] if asked else None
+        if last and register == last.register + last.number and resolution is last.resolution:
+            asked[-1] = last._replace(number=last.number + 1)
         else:
-            asked.append(Asked(Resolution.INT16, register, 1))
+            asked.append(Asked(resolution, register, 1))
     return asked
 
 

@@ -66,6 +66,18 @@ class Resolution(IntEnum):
     FLOAT = 3
 
 
+TOLD_EACH_TICK: Final = {
+    Register.MODE: Resolution.INT8,
+    Register.POSITION: Resolution.FLOAT,
+    Register.VELOCITY: Resolution.FLOAT,
+    Register.TORQUE: Resolution.FLOAT,
+    Register.VOLTAGE: Resolution.INT8,
+    Register.TEMPERATURE: Resolution.INT8,
+    Register.FAULT: Resolution.INT8,
+}
+"""What each controller tells of itself in every tick, and how finely: what a few volts and degrees are asked for needs
+no more, and a short frame is a quick one."""
+
 _POSITION = (0.01, 0.0001, 0.00001)
 _VELOCITY = (0.1, 0.00025, 0.00001)
 _TORQUE = (0.5, 0.01, 0.001)

@@ -13,7 +13,7 @@ import pytest
 
 from app.execution.carrier import Carrier
 from app.execution.interruption import BoardTouched
-from app.execution.permission import WENT_ON
+from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked
 from app.execution.state import Attendant, Clearance, Devices, Job
 from app.game.person import UnattendedAttendant

@@ -14,7 +14,7 @@ import pytest
 
 from app import UserError
 from app.execution.carrier import MOST_PAUSES, Carrier
-from app.execution.permission import MOST_YIELDS, STAYED, WENT_ON
+from app.execution.pauses import MOST_YIELDS, STAYED, WENT_ON
 from app.execution.state import Attendant
 from app.execution.table import Table
 from app.game import Devices, Game, Position

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import Carrier
-from app.execution.permission import WENT_ON
+from app.execution.pauses import WENT_ON
 from app.execution.state import Devices, Position
 from app.execution.table import Table
 from app.game import Game

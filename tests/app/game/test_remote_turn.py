@@ -26,8 +26,8 @@ from app.players.remote import (
     RemoteMove,
     TakenBack,
 )
+from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
 from app.terminal.shown import ClockShown, RemoteShown, SessionShown
 from hardware.piece_set import Colour

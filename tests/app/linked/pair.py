@@ -16,7 +16,7 @@ from app.linked.peer import LinkedPeer
 from app.linked.sealing import Handshake, Opener, Sealer
 from app.linked.secret import LinkSecret
 from app.players.remote import GameOver, Notice, RemoteEvent, RemoteMove, TakenBack
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 
 SECRET = LinkSecret(b"k" * 32)
 HOST, GUEST = LinkRole.HOST, LinkRole.GUEST

@@ -20,8 +20,8 @@ from app.linked.link import listen, parse_address
 from app.linked.log import LOG_FILE
 from app.play.session import Interrupted, SessionResult
 from app.records import PlyEvent
+from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
 from app.terminal.typed_lines import TypedLines
 from tests.app.linked.pair import SECRET

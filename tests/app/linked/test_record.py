@@ -13,7 +13,7 @@ from app.linked.log import LOG_FILE, LinkedLog
 from app.linked.messages import EntriesMessage, MoveEntry, StandingMessage, SyncMessage, TakeBackEntry
 from app.linked.opponent import new_game
 from app.players.remote import GameOver, Offer, OfferAnswered, Offered, TakenBack
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 from tests.app.linked.pair import GUEST, HOST, Clockwork, Robot, Wire, pair
 
 

@@ -17,7 +17,7 @@ from app.linked.messages import (
 )
 from app.linked.sealing import Handshake
 from app.linked.secret import LinkSecret, make_secret
-from app.settings.tree import LinkRole
+from app.settings.defaults import LinkRole
 from tests.app.linked.pair import GUEST, HOST, SECRET, pair, refused
 
 MANY = 3000

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile
-from app.motion.gains import Softness, scheduled
+from app.motion.gain_schedule import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
 from app.motion.settings import Gains

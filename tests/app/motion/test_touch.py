@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import Bed
-from app.motion.gains import critical
+from app.motion.gain_schedule import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
 from controller.protocol.states import State

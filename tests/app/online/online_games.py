@@ -18,8 +18,8 @@ import chess.pgn
 from app.online.launch import online_settings, run_online
 from app.play.session import SessionResult
 from app.records.events import PlyEvent
+from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
 from app.terminal.shown import ClockShown
 from tests.app.online.fake_lichess import TOKEN, FakeGame, FakeLichess, Temper

@@ -13,7 +13,7 @@ from app import UserError
 from app.online import launch, lobby
 from app.online.launch import account_here, client_of, run_online, upgrade
 from app.play.session import SessionResult
-from app.settings.tree import OnlineUse
+from app.settings.defaults import OnlineUse
 from app.terminal.interface import UserInterface
 from app.terminal.typed_lines import TypedLines
 from tests.app.online.fake_lichess import FakeLichess, Temper

@@ -7,8 +7,8 @@ import pytest
 from app import UserError
 from app.online.messages import Challenge
 from app.online.terms import TablePace, Terms, of_challenge, pace_of, require_kept, terms_of
+from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.settings.tree import Settings
 
 
 def asked(use: str = "person", **more: object) -> Settings:

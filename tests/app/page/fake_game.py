@@ -34,7 +34,7 @@ from app.pieces.manipulation import transfers
 from app.players.ending import Result
 from app.records.events import By, GameSetup, PlyOutcome, Purpose
 from app.records.game import GameRecord
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown, View
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour

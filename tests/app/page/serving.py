@@ -21,7 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 from app.page.entrance import open_entrance
 from app.page.news import AnyNews, AnySaid
 from app.page.page_server import PageServer
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from tests.waiting import PATIENCE, until
 
 TOKEN = "0123456789abcdef"

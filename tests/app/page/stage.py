@@ -19,7 +19,7 @@ from app.page.live.hub import Hub, Watcher
 from app.page.live.people import People
 from app.page.live.telemetry import PERIOD, TelemetryFeed
 from app.page.page_server import PageServer
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from tests.app.page.fake_game import FakeGame
 from tests.waiting import until
 

@@ -15,7 +15,7 @@ from app.page.publisher import PagePublisher
 from app.page.starting import StartedPage
 from app.page.supervisor import PageSupervisor
 from app.players.person import PersonGone
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from app.terminal.typed_lines import TypedLines
 from tests.waiting import PATIENCE, until
 

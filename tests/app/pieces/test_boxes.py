@@ -24,8 +24,8 @@ from app.play.hand_moves import HandDropsNothing, hand_transfers
 from app.play.launch import run_games
 from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
+from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.settings.tree import Settings
 from app.terminal.interface import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck

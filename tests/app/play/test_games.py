@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from app.play.games import wished
 from app.play.launch import resume_games, run_games
 from app.players.commands import CommandError, NewGame, parse_command, parse_new
+from app.settings.defaults import PlayerKind
 from app.settings.files import kept_settings, settings_of
-from app.settings.tree import PlayerKind
 from app.terminal.interface import UserInterface
 from app.terminal.typed_lines import TypedLines
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import chess
 import pytest
 
-from app.execution.permission import STAYED, WENT_ON
+from app.execution.pauses import STAYED, WENT_ON
 from app.game.person import GameLeft, NeedsGo, PersonAttendant, UnattendedAttendant
 from app.motion.plan import Motion, Plan
 from app.pieces.inventory import Stage

@@ -7,7 +7,7 @@ import pytest
 
 from app import UserError
 from app.practice.odds import at_odds
-from app.settings.tree import Odds
+from app.settings.defaults import Odds
 
 
 @pytest.mark.parametrize("giver", chess.COLORS)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from app.rig.simulation.ahead import RigAhead
-from app.settings.tree import Settings
+from app.settings.defaults import Settings
 
 
 def children() -> set[int]:

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.motion import Profile
+from app.settings.defaults import PlayerKind, Settings
 from app.settings.files import as_toml, load_settings, meanings_of, settings_of
 from app.settings.toml import ConfigError
-from app.settings.tree import PlayerKind, Settings
 from hardware.interfaces import Pace
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=9)

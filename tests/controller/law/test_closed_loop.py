@@ -10,7 +10,8 @@ import pytest
 from ruckig import InputParameter, Result, Ruckig
 from ruckig import Trajectory as Profile
 
-from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
+from controller.law.settings import LawSettings
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status

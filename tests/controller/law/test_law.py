@@ -10,7 +10,8 @@ import pytest
 from numba.core.runtime import _nrt_python
 
 from controller.law import task_space as law
-from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
+from controller.law.settings import LawSettings
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel
 from controller.model.demand import torque_demand

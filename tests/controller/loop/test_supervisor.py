@@ -16,7 +16,8 @@ from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
-from controller.protocol.causes import Cause, explain
+from controller.protocol.cause_sentences import explain
+from controller.protocol.causes import Cause
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
 from controller.records.loop_statistics import LoopStatistics

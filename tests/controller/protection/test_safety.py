@@ -25,7 +25,8 @@ from controller.protection.limits import (
 )
 from controller.protection.reference_check import COLUMNS, SampleCheck, rows_from_samples
 from controller.protocol import SAMPLE
-from controller.protocol.causes import Cause, explain, template
+from controller.protocol.cause_sentences import explain, template
+from controller.protocol.causes import Cause
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

@@ -17,9 +17,9 @@ from app.campaign.report.analysis.explaining import (
     explained,
     where_a_change_sits,
 )
-from app.campaign.report.analysis.metrics import Metric, MetricSort
+from app.campaign.report.analysis.metrics import Metric, MetricSort, mean_by_game
 from app.campaign.report.analysis.ranges import drawn_ranges
-from app.campaign.report.analysis.rows import CampaignRows, Words, mean_by_game
+from app.campaign.report.analysis.rows import CampaignRows, Words
 from app.campaign.report.analysis.statistics import Flags, Numbers
 
 KIND_OF_PLY: Final = "the kind of ply"

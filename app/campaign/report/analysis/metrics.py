@@ -8,8 +8,9 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from app.campaign.report.analysis.rows import CampaignRows, mean_by_game
+from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers
 from app.campaign.schema import TaskOutcome
 from app.pieces.inventory import MoveKind
@@ -108,3 +109,18 @@ METRICS: Final = (
     _figure("missed_ticks", "missed ticks in a game"),
 )
 """All that two campaigns are compared by."""
+
+
+def mean_by_game(values: Numbers, game: NDArray[np.int64], games: int) -> Numbers:
+    """The average of what plies say, of each game; NaN where none says anything.
+
+    Args:
+        values: of plies; NaN says nothing.
+        game: the place of each ply's game; negative: of none.
+        games: how many there are.
+    """
+    known = ~np.isnan(values) & (game >= 0)
+    count = np.bincount(game[known], minlength=games)
+    total = np.bincount(game[known], values[known], minlength=games)
+    mean: Numbers = np.divide(total, count, out=np.full(games, np.nan), where=count > 0)
+    return mean

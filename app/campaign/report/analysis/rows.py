@@ -102,18 +102,3 @@ class CampaignRows:
         if not seeds.size:
             return np.full(of_plies.size, -1)
         return np.where(seeds[order][found] == of_plies, order[found], -1)
-
-
-def mean_by_game(values: Numbers, game: NDArray[np.int64], games: int) -> Numbers:
-    """The average of what plies say, of each game; NaN where none says anything.
-
-    Args:
-        values: of plies; NaN says nothing.
-        game: the place of each ply's game; negative: of none.
-        games: how many there are.
-    """
-    known = ~np.isnan(values) & (game >= 0)
-    count = np.bincount(game[known], minlength=games)
-    total = np.bincount(game[known], values[known], minlength=games)
-    mean: Numbers = np.divide(total, count, out=np.full(games, np.nan), where=count > 0)
-    return mean

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.motion import Motion, MotionSettings, Plan, Planner
-from app.motion.gains import critical
+from app.motion.gain_schedule import critical
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, dwell, join, line, to_samples
 from controller.law.task_space import TaskSpaceController
@@ -21,7 +21,7 @@ from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
 from controller.protocol import MotionFlag
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings

@@ -19,7 +19,7 @@ from controller.loop.supervisor import Supervisor
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.protocol import Result
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from hardware.interfaces import Measurement
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece

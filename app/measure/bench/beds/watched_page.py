@@ -19,7 +19,7 @@ from app.measure.bench.report import Progress, Row, row
 from app.page.publisher import PagePublisher
 from app.page.supervisor import PageSupervisor
 from app.rig.remote import RemoteRig
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from app.terminal.shown import SessionShown
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters

@@ -36,7 +36,7 @@ from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import inverse_kinematics
 from controller.protocol import Result
-from controller.protocol.causes import explain
+from controller.protocol.cause_sentences import explain
 from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind

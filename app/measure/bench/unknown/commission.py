@@ -28,7 +28,7 @@ from app.measure.bench.report import BenchReport, Progress, Row, Tally, row
 from app.rig.rig_file import RIG_FILE, DrivesSection, RigFile, WorldSection, save_rig
 from app.rig.simulation.processes import drives_of
 from app.rig.simulation.settings import EMULATED, own_rig
-from app.settings.tree import Drives
+from app.settings.defaults import Drives
 from controller.loop.realtime import set_up_real_time
 from controller.model.compiled import FloatArray
 from hardware.interfaces import HardwareError, Pace

@@ -1,6 +1,6 @@
 // The telemetry of a recorded game as columns, and a frame of it for any moment.
 
-import {CHARTS, SPAN, valuesOf} from '../plots/series.js';
+import {CHARTS, SPAN, valuesOf} from '../plots/curves.js';
 
 const POINTS = 64; // of a path
 const MIXED = ['tool', 'reference', 'velocity', 'angles', 'force', 'torque', 'tactile', 'finger'];

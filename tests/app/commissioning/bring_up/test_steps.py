@@ -12,8 +12,8 @@ import pytest
 from app import UserError
 from app.commissioning.bring_up import commission
 from app.commissioning.bring_up.commission import run_commission
-from app.commissioning.bring_up.naming import name_parameters, with_parameters
 from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
+from app.commissioning.bring_up.rig_file_edit import name_parameters, with_parameters
 from app.commissioning.bring_up.runs import CommissionSite
 from app.commissioning.bring_up.steps import (
     FILE,

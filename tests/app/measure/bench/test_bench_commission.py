@@ -12,7 +12,7 @@ from app.commissioning.bring_up.steps import CommissionStep, StepState
 from app.commissioning.identification import excitation
 from app.commissioning.identification.survey import survey
 from app.measure.bench.unknown.commission import FAULTS, TOOL_LIMIT, try_fault, whole
-from app.settings.tree import Drives
+from app.settings.defaults import Drives
 from hardware.sim.process.planted import PlantedKind
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.measure.bench.drives import parts_of, share_rows
-from app.settings.tree import Drives
+from app.settings.defaults import Drives
 from hardware.sim.emulated.answer_times import LONGEST, AnswerTimes, load_answer_times
 
 MS = 1e-3

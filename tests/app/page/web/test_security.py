@@ -19,7 +19,7 @@ from app.page.entrance import PageRefused, open_entrance
 from app.page.web.security import HEADERS, Gatekeeper, Names
 from app.page.web.server import STATIC
 from app.page.web.sign_in import PasswordHash
-from app.settings.tree import PageSection
+from app.settings.defaults import PageSection
 from tests.app.page.recorded.recorded_games import RecordedGame
 from tests.app.page.serving import ServedPage, served
 

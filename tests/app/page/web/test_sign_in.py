@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from websockets.exceptions import InvalidStatus
 
-from app.page.web import server
 from app.page.web.live_socket import Allowance
-from app.page.web.sign_in import SHORTEST, SIGNED_IN, PasswordFileError, PasswordHash, SignIn
+from app.page.web.sign_in import SHORTEST, SIGNED_IN, TRIES, PasswordFileError, PasswordHash, SignIn
 from tests.app.page.recorded.recorded_games import RecordedGame
 from tests.app.page.serving import ServedPage, served
 
@@ -160,7 +159,7 @@ def test_who_knows_the_password_comes_in_everywhere(page: ServedPage) -> None:
 
 def test_a_wrong_password_is_said_so_and_not_tried_for_ever(page: ServedPage) -> None:
     statuses = [sign_in(page, f"wrong {number}")[0] for number in range(14)]
-    tries = int(server.TRIES)
+    tries = int(TRIES)
     assert statuses[:tries] == [403] * tries
     assert 429 in statuses[tries:]
     status, cookie = sign_in(page, "wrong again")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import random
 import time
 from collections.abc import Iterator
@@ -34,7 +35,7 @@ ENDED = DriveStatus.FAULT | DriveStatus.WATCHDOG
 LATER = 200
 """Exchanges after which a fault that is to be found must have been: any watch takes 20 ms and a few exchanges."""
 ALL = 10**9
-TIMES = 2
+TIMES = int(os.environ.get("TOUCHMOVE_FAULT_ROUNDS", "2"))
 """Each fault is planted so often, on drawn devices at drawn moments."""
 
 
