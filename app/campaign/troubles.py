@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+from typing import Final
+
+MACHINE: Final = frozenset({
+    errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS,
+})  # fmt: skip
+"""Errors of a machine, not of a game."""
+
 
 class EnvironmentDiffers(Exception):
     """A worker would play other games; the text says what it has otherwise."""

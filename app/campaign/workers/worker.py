@@ -6,14 +6,12 @@ another environment, a machine that has no room, processes of the game that were
 
 from __future__ import annotations
 
-import errno
 import shutil
 import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
 from app.campaign.environment import environment_here
 from app.campaign.folder import CAMPAIGN_FILE
@@ -22,15 +20,12 @@ from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
 from app.campaign.tasks.playing import GAME, play_here
 from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import scratch_folder
-from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
+from app.campaign.troubles import MACHINE, BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 from app.campaign.workers.order import Kept, TaskOrder
 from app.records.files import full_disk
 from app.rig.simulation.processes import last_words
 from controller.protocol.key import KEY_FILE
 from hardware.sim.process.settings import END_FILE
-
-MACHINE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO})
-"""Errors of a machine, not of a game."""
 
 
 def play_task(text: str) -> str:
