@@ -8,19 +8,18 @@ import ctypes
 import gc
 import os
 import resource
-import struct
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+from hardware import awake
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 """``mlockall``: what is there, what comes, and no page before it is touched (else it would load whole libraries)."""
 _SET_TIMER_SLACK, _GET_TIMER_SLACK = 29, 30
 """``prctl``."""
 _CAP_IPC_LOCK = 1 << 14
-_LATENCY = "/dev/cpu_dma_latency"
-"""Longest wake-up of a processor that its writer bears [µs], as a binary integer (the kernel's pm_qos_interface)."""
 _AWAKE_REMEDY = "run as root on Linux, or allow your account that file by a rule of udev"
 _REMEDY = (
     "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, "
@@ -38,7 +37,7 @@ class RealTime(NamedTuple):
     pinned: bool
     """It stays on the core asked for; also true where none was asked for."""
     awake: bool
-    """Processors that have nothing to do wait awake, so that a message wakes its reader within a microsecond or two."""
+    """Processors that have nothing to do wait awake, as far as ``hardware.awake`` says."""
     notes: tuple[str, ...]
     """What it did not get, why, and the remedy, one sentence each."""
 
@@ -61,11 +60,11 @@ def real_time(name: str, priority: int, core: int | None = None) -> Iterator[Rea
         notes: list[str] = []
         pinned = core is None or _try(lambda: _pin(core, undo), f"{name} is not bound to core {core}", notes)
         locked = _try(lambda: _lock_memory(undo), f"the memory of {name} is not locked", notes)
-        awake = _try(lambda: _keep_awake(undo), f"the processors may fall asleep beside {name}", notes)
+        woken = _try(lambda: _keep_awake(core, undo), f"the processors may fall asleep beside {name}", notes)
         undo.enter_context(exact_timers())
         undo.enter_context(quiet_memory())
         scheduled = _try(lambda: _schedule(priority, undo), f"{name} has no SCHED_FIFO {priority}", notes)
-        yield RealTime(scheduled, locked, pinned, awake, tuple(notes))
+        yield RealTime(scheduled, locked, pinned, woken, tuple(notes))
 
 
 @contextlib.contextmanager
@@ -145,14 +144,11 @@ def _lock_memory(undo: contextlib.ExitStack) -> None:
     undo.callback(unlock)
 
 
-def _keep_awake(undo: contextlib.ExitStack) -> None:
-    """Ask the kernel's power management for a latency of nothing, for as long as the file is open."""
+def _keep_awake(core: int | None, undo: contextlib.ExitStack) -> None:
     try:
-        file = os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+        undo.enter_context(awake.kept_awake(core))
     except OSError as error:
-        raise _NotGranted(f"{_LATENCY}: {error.strerror}: {_AWAKE_REMEDY}") from error
-    undo.callback(os.close, file)
-    os.write(file, struct.pack("i", 0))
+        raise _NotGranted(f"{awake.LATENCY}: {error.strerror}: {_AWAKE_REMEDY}") from error
 
 
 def _may_lock_everything() -> bool:

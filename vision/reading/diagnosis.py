@@ -221,7 +221,7 @@ def _why_not(board: chess.Board, move: chess.Move, piece: chess.Piece) -> str:
         return "the king is in check"
     if board.color_at(move.to_square) == piece.color:
         return "a piece of its own side stands there"
-    return f"a {chess.piecesquare_name(piece.piece_type)} does not move like that here"
+    return f"a {chess.piece_name(piece.piece_type)} does not move like that here"
 
 
 def _moves(board: chess.Board) -> Iterator[chess.Move]:
@@ -246,7 +246,7 @@ def _names(squares: tuple[int, ...]) -> str:
 
 
 def _piece(piece: chess.Piece | None) -> str:
-    return "piece" if piece is None else f"{_side(piece.color).lower()} {chess.piecesquare_name(piece.piece_type)}"
+    return "piece" if piece is None else f"{_side(piece.color).lower()} {chess.piece_name(piece.piece_type)}"
 
 
 def _side(colour: chess.Color) -> str:

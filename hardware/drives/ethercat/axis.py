@@ -68,8 +68,14 @@ class ServoAxis:
         counts = max(-32768, min(32767, round(motor * self._thousandths)))
         return self._pack(self._control, counts, MODE_TORQUE)
 
+    def angle_in(self, inputs: bytes) -> float:
+        """The joint's angle in process data [rad]."""
+        return self._scale.angle(self._unpack(inputs)[1] * self._rad_per_count)
+
     def take(self, inputs: bytes, sent: float, answered: float, elapsed: float) -> DriveFinding | None:
-        """Process data that came between two moments, so long after the ones before [s]; what is wrong with them."""
+        """Process data that came between two moments, made so long after the ones before [s]; what is wrong with
+        them.
+        """
         status, position, velocity, torque, self.error = self._unpack(inputs)
         self.state = state_of(status)
         self.cut = self.cut or limited(status)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from hardware.drives.clock import ExchangeTimes, TickClock
+from hardware.drives.clock import ExchangeTimes, TickClock, periods_moved
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
@@ -85,7 +85,7 @@ class EtherCatServoBus:
         self._cleared_since = self._wanted_since = self._lifted = self._asked = time.monotonic()
         self._wrong, self._doubt = 0, True
         self._unanswered: float | None = None
-        self._answered = self._sent = time.monotonic()
+        self._answered = self._sent = self._made = time.monotonic()
         self._clock = TickClock(self.period)
         self._due = self._clock.due() - self.period
         self._ran = self._energised = False
@@ -165,11 +165,14 @@ class EtherCatServoBus:
 
     def _measure(self, command: Command) -> Measurement:
         now = time.monotonic()
-        tick = self._clock.told(now)
+        asked = self._clock.tick
+        tick = self._clock.told(now, self._moved)
+        made = self._sent + (tick - asked) * self.period
         self._unanswered = None
-        elapsed = now - self._answered
-        silent = elapsed > self._watchdog and self._energised
-        self._doubt = self._doubt or elapsed > self._watchdog
+        elapsed, gap = made - self._made, now - self._answered
+        self._made = made
+        silent = gap > self._watchdog and self._energised
+        self._doubt = self._doubt or gap > self._watchdog
         self._answered, self._energised = now, command.enable
         if self._follower is not None:
             self._clock.shift(self._follower.correct(self._network.reference_time))
@@ -178,7 +181,7 @@ class EtherCatServoBus:
                 arm.begin_anew()
         self._take(now, elapsed)  # also where somebody is missing: the others say whether they have braked
         if silent:
-            self._judge_silence(elapsed)
+            self._judge_silence(gap)
         if self._lossy and self._latched is None:  # this frame has braked the drives: now there is time to ask for more
             self._latch(faults.of_losses(self._losses, len(self._came), self._grown()))
         if self._latched is None:
@@ -191,6 +194,12 @@ class EtherCatServoBus:
             tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
             self._gripper.position, self._felt(), status,
         )  # fmt: skip
+
+    def _moved(self) -> float:
+        one, two, three = self._arms
+        a, b, c = (arm.angle_in(self._network.input(device)) for arm, device in zip(self._arms, ARMS, strict=True))
+        before, velocity = (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity)
+        return periods_moved(before, velocity, (a, b, c), self.period)
 
     def _take(self, now: float, elapsed: float) -> None:
         network = self._network

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from hardware.drives.clock import ExchangeTimes, TickClock
+from hardware.drives.clock import ExchangeTimes, TickClock, periods_moved
 from hardware.drives.faults import DriveFault, DriveFinding
 from hardware.drives.joint import FingerScale
 from hardware.drives.moteus.adapter import Adapter
@@ -24,7 +24,7 @@ from hardware.drives.moteus.servo import ServoAction, ServoJoint
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.moteus.start import GRIPPER, Machine, machine_of, start
 from hardware.drives.settings import DriveSettings
-from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Measurement
+from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Measurement, Triple
 from hardware.parameters import RobotParameters
 
 _BRAKES_CLOSE: Final = 0.2
@@ -195,8 +195,7 @@ class MoteusServoBus:
 
     def _take(self, command: Command, elapsed: float) -> None:
         heard = self._answers.collect()
-        answered = time.monotonic()
-        self._tick = self._clock.told(answered)
+        answered, before = time.monotonic(), self._state
         missed = [
             None if told is not None else watch.missed(damage)
             for told, damage, watch in zip(heard.told, heard.damage, self._watches, strict=True)
@@ -218,6 +217,13 @@ class MoteusServoBus:
                     joint.coast(elapsed)
             if finding is not None:
                 self._fail(part + 1, finding)
+        self._tick = self._clock.told(answered, lambda: periods_moved(*before, self._state[0], self.period))
+
+    @property
+    def _state(self) -> tuple[Triple, Triple]:
+        """Angles and velocities of the joints, as measured last [rad, rad/s]."""
+        one, two, three = self._joints
+        return (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity)
 
     def _look(self, part: int, told: Told, command: Command, elapsed: float) -> DriveFinding | None:
         """What is wrong with a device that has answered."""
@@ -250,12 +256,10 @@ class MoteusServoBus:
     # the measurement
 
     def _measurement(self, command: Command) -> Measurement:
-        one, two, three = self._joints
         gripper = self._told[GRIPPER]
         finger = 0.0 if gripper is None else self._finger.position(gripper.angle)
         return Measurement(
-            self._tick, (one.angle, two.angle, three.angle), (one.velocity, two.velocity, three.velocity),
-            finger, self._pads(), self._status(command),
+            self._tick, *self._state, finger, self._pads(), self._status(command),
         )  # fmt: skip
 
     def _pads(self) -> tuple[float, float]:

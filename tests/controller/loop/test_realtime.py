@@ -8,11 +8,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+import hardware.awake as awake
 import hardware.realtime as realtime
 from controller.loop.realtime import set_up_real_time
 from controller.settings import ControllerSettings
@@ -48,7 +48,8 @@ def unprivileged(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(realtime, "_libc", deaf)
     monkeypatch.setattr("ctypes.get_errno", lambda: 12)
-    monkeypatch.setattr(realtime, "_LATENCY", "/nowhere/cpu_dma_latency")
+    monkeypatch.setattr(awake, "LATENCY", "/nowhere/cpu_dma_latency")
+    monkeypatch.setattr(awake, "LATENCY_OF_ONE", "/nowhere/cpu{}")
 
 
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
@@ -122,25 +123,11 @@ def test_a_core_is_kept_for_the_block_alone() -> None:
     assert os.sched_getaffinity(0) == cores
 
 
-def test_processors_are_kept_awake_for_the_block_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    latency = tmp_path / "cpu_dma_latency"
-    latency.write_bytes(b"")
-    monkeypatch.setattr(realtime, "_LATENCY", str(latency))
-
-    def holds() -> bool:
-        return any(entry.exists() and entry.samefile(latency) for entry in Path("/proc/self/fd").iterdir())
-
-    with real_time("a test", 1) as granted:
-        assert holds()
-        assert latency.read_bytes() == bytes(4)
-    assert granted.awake
-    assert not holds()
-
-
 def test_a_system_without_any_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "other")
     monkeypatch.setattr(realtime, "_libc", lambda name: None)
-    monkeypatch.setattr(realtime, "_LATENCY", "/nowhere/cpu_dma_latency")
+    monkeypatch.setattr(awake, "LATENCY", "/nowhere/cpu_dma_latency")
+    monkeypatch.setattr(awake, "LATENCY_OF_ONE", "/nowhere/cpu{}")
     monkeypatch.delattr(os, "sched_setscheduler")
     monkeypatch.delattr(os, "sched_setaffinity")
     with real_time("a test", 1, core=0) as granted:

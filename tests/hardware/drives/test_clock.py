@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hardware.drives import clock
-from hardware.drives.clock import TickClock, tick_now
+from hardware.drives.clock import TickClock, periods_moved, tick_now
+from hardware.interfaces import Triple
 
 PERIOD = 0.001
 
@@ -64,13 +68,40 @@ def test_a_shift_moves_all_ticks_to_come_and_not_their_number(time: Time) -> Non
         assert ticks.tick == first + k
 
 
-@pytest.mark.parametrize(("took", "gap"), [(0.0004, 0), (0.0009, 0), (0.0012, 1), (0.0061, 6)])
-def test_what_was_measured_late_follows_no_neighbour(time: Time, took: float, gap: int) -> None:
-    ticks = TickClock(PERIOD)
-    before = ticks.told(ticks.next())
+@pytest.mark.parametrize("held", [0.0004, 0.0009, 0.0012, 0.0031, 0.0061])
+@pytest.mark.parametrize("before", [False, True], ids=["late-to-take-the-answer", "late-to-ask"])
+def test_a_late_measurement_is_told_with_the_tick_in_which_the_arm_was_there(
+    time: Time, held: float, before: bool
+) -> None:
+    ticks, speed, place = TickClock(PERIOD), (1.5, -2.0, 0.5), (0.1, 0.2, 0.3)
+
+    def at(tick: int) -> Triple:
+        one, two, three = (x + v * tick * PERIOD for x, v in zip(place, speed, strict=True))
+        return one, two, three
+
+    first = ticks.told(ticks.next(), lambda: math.nan)
     began = ticks.next()
-    time.now = began + took
-    told = ticks.told(time.now)
-    assert told == before + 1 + gap
-    after = ticks.told(ticks.next())
-    assert after == told + (2 if gap else 1)
+    made = int((began + held) / PERIOD) if before else first + 1  # asked for late, or at once and taken late
+    time.now = began + held
+    told = ticks.told(time.now, lambda: periods_moved(at(first), speed, at(made), PERIOD))
+    assert told == made
+    after = ticks.next()
+    assert ticks.tick == max(made + 1, int(after / PERIOD))
+    late = after - ticks.tick * PERIOD
+    assert late < 5e-6 if before or held < PERIOD else 0.0 < late < PERIOD, "it goes on at once, and leaves no tick out"
+
+
+def test_an_arm_that_hardly_moves_is_told_with_the_tick_in_which_it_answered(time: Time) -> None:
+    ticks = TickClock(PERIOD)
+    began = ticks.next()
+    told = ticks.told(began + 0.0042, lambda: periods_moved((0.0,) * 3, (0.2, 0.1, 0.0), (0.0,) * 3, PERIOD))
+    assert told == int((began + 0.0042) / PERIOD)
+
+
+@given(moved=st.floats(-100.0, 100.0), held=st.floats(0.0, 0.02))
+def test_a_late_measurement_is_never_told_with_a_tick_outside_its_exchange(moved: float, held: float) -> None:
+    ticks = TickClock(PERIOD)
+    ticks.tick += 1
+    asked = ticks.tick
+    answered = asked * PERIOD + held
+    assert asked <= ticks.told(answered, lambda: moved) <= max(asked, int(answered / PERIOD))
