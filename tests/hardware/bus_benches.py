@@ -85,6 +85,7 @@ class Bench:
         self.kind, self.told = kind, list[str]()
         self._new_folder, self._opened = new_folder, ExitStack()
         self._bus: ServoBus | None = None
+        self._world: subprocess.Popen[bytes] | None = None
         self.home: Triple = (0.0, 0.0, 0.0)
 
     @property
@@ -167,11 +168,14 @@ class Bench:
         pytest.fail("this machine is held up again and again")
 
     def _calm_down(self) -> None:
-        for _ in range(2000):
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
             try:
                 if not self.bus.exchange(REST).status & ENDED:
                     return
             except BusLost:
+                if self._world is not None and self._world.poll() is not None:
+                    pytest.fail(f"the world behind {self.kind} has ended with status {self._world.returncode}")
                 time.sleep(0.01)
 
     # opening
@@ -202,6 +206,7 @@ class Bench:
     def _start(self, folder: Path, settings: WorldSettings, *module: str) -> subprocess.Popen[bytes]:
         keep_settings(settings, folder)
         process = subprocess.Popen([sys.executable, "-P", "-m", *module, str(folder)], env=os.environ)
+        self._world = process
         self._opened.callback(process.wait)
         self._opened.callback(process.kill)
         return process
