@@ -108,6 +108,8 @@ class EtherCatDevices:
                     if self.times is not None:
                         self.times.note(asked, time.monotonic())
                 self.settle()
+                if self.complete:  # what comes after it finds the plant where it is by then
+                    return
 
     def act(self, now: float) -> MotorCommand:
         """See ``EmulatedDevices``."""
