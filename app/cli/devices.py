@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from app.cli.ending import ask, fail, run_process, say
-from app.cli.printing import show_report
+from app.cli.ending import ask, fail, run_process, say, show_report
 
 if TYPE_CHECKING:
     from app.commissioning.bring_up.steps import CommissionReport

@@ -1,4 +1,4 @@
-"""How commands end: with a sentence or a process's status; and what Ctrl-C does meanwhile."""
+"""How commands end: with a sentence, a report or a process's status; and what Ctrl-C does meanwhile."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 Handler = Callable[[int, FrameType | None], Any] | int | None
 """Of a signal, as Python's module has them."""
@@ -87,3 +90,39 @@ def run_process(process: Callable[[], int]) -> NoReturn:
     except (UserError, HardwareError, OSError) as error:
         fail(str(error))
     raise typer.Exit(status)
+
+
+PIPED_WIDTH = 160
+"""Of tables that go into a file or to another program: nothing of them is folded [characters]."""
+
+
+class Shown(Protocol):
+    """A report of a command."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether all is as it should be."""
+
+    def table(self) -> RenderableType:
+        """One screen for people."""
+
+    def model_dump_json(self, *, indent: int) -> str:
+        """For programs."""
+
+
+def show_report(find: Callable[[], Shown], as_json: bool) -> NoReturn:
+    """Find out, show it, and end the program with what it says."""
+    from rich.console import Console
+
+    from app import UserError
+
+    try:
+        with interruptible():
+            report = find()
+    except UserError as error:
+        fail(str(error))
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    else:
+        Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(report.table())
+    raise typer.Exit(0 if report.holds else 1)

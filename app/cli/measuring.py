@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.cli.ending import fail, say
-from app.cli.printing import show_report
+from app.cli.ending import fail, say, show_report
 
 
 def figures(

@@ -24,6 +24,7 @@ from app.campaign.troubles import MACHINE, BrokenOff, EnvironmentDiffers, GameDi
 from app.campaign.workers.order import Kept, TaskOrder
 from app.records.files import full_disk
 from app.rig.simulation.processes import last_words
+from app.settings.files import SETTINGS_FILE
 from controller.protocol.key import KEY_FILE
 from hardware.sim.process.settings import END_FILE
 
@@ -61,7 +62,7 @@ def play_again(text: str) -> str:
     assert order.folder is not None, "whoever plays again wants to see it"
     with _classified(order), scratch_folder(order.task.seed) as folder:
         result = _played(order.model_copy(update={"keep": Kept.NONE}), folder)
-        shutil.copytree(folder, order.folder, ignore=_no_record)
+        _copy(folder, order.folder, order.folder)
         return result.model_dump_json()
 
 
@@ -139,9 +140,17 @@ def _keep(order: TaskOrder, folder: Path, game: GameRow) -> GameRow:
     shutil.rmtree(kept, ignore_errors=True)  # of a worker that was killed while it copied
     part = kept.with_name(f".{kept.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    shutil.copytree(folder, part, ignore=_no_record)
+    _copy(folder, part, kept)
     part.rename(kept)
     return game.model_copy(update={"folder": f"{GAMES_FOLDER}/{game.seed}"})
+
+
+def _copy(folder: Path, to: Path, kept: Path) -> None:
+    """Copy a game's folder, which will stand at ``kept``: its settings name the files that are beside them there."""
+    shutil.copytree(folder, to, ignore=_no_record)
+    for file in to.rglob(SETTINGS_FILE):
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace(str(folder), str(kept.absolute())), encoding="utf-8")
 
 
 def _no_record(folder: str, names: list[str]) -> list[str]:

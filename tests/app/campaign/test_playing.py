@@ -17,6 +17,7 @@ from app.campaign.ledger import WHOLE, results_in
 from app.campaign.tasks.relay import LossyRelay
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
 from app.cli import app as command_line
+from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
 
 FILE = """
@@ -47,7 +48,11 @@ def test_two_real_games_and_one_of_them_again_to_the_last_bit(tmp_path: Path) ->
     assert again.exit_code == 0, again.output
     told = json.loads(again.stdout)
     assert (told["different"], told["now"]["world_state"]) == ([], found[6].game.world_state)
-    assert (folder / "games" / "6-again" / "game" / "game.webm").stat().st_size > 20000
+    game = folder / "games" / "6-again" / "game"
+    assert (game / "game.webm").stat().st_size > 20000
+    world = json.loads((game / SETTINGS_FILE).read_text(encoding="utf-8"))["rig"]["randomise"]
+    assert Path(world) == game.parent / "world.toml", "so that the game can be gone on with where it is kept"
+    assert "piece_mass" in Path(world).read_text(encoding="utf-8")
     assert not list(Path(os.environ.get("TMPDIR", "/tmp")).glob(f"{PREFIX}6-*"))
 
 
