@@ -20,6 +20,24 @@ Handler = Callable[[int, FrameType | None], Any] | int | None
 """Of a signal, as Python's module has them."""
 
 
+class Shown(Protocol):
+    """A report of a command."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether all is as it should be."""
+
+    def table(self) -> RenderableType:
+        """One screen for people."""
+
+    def model_dump_json(self, *, indent: int) -> str:
+        """For programs."""
+
+
+PIPED_WIDTH = 160
+"""Of tables that go into a file or to another program: nothing of them is folded [characters]."""
+
+
 def fail(sentence: str, status: int = 2) -> NoReturn:
     """Say what is wrong on one line, whatever was quoted in it, and end the program with this status."""
     print(f"touchmove: {' '.join(sentence.split())}", file=sys.stderr)
@@ -90,24 +108,6 @@ def run_process(process: Callable[[], int]) -> NoReturn:
     except (UserError, HardwareError, OSError) as error:
         fail(str(error))
     raise typer.Exit(status)
-
-
-PIPED_WIDTH = 160
-"""Of tables that go into a file or to another program: nothing of them is folded [characters]."""
-
-
-class Shown(Protocol):
-    """A report of a command."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether all is as it should be."""
-
-    def table(self) -> RenderableType:
-        """One screen for people."""
-
-    def model_dump_json(self, *, indent: int) -> str:
-        """For programs."""
 
 
 def show_report(find: Callable[[], Shown], as_json: bool) -> NoReturn:

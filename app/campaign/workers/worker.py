@@ -6,6 +6,7 @@ another environment, a machine that has no room, processes of the game that were
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 import traceback
@@ -148,9 +149,9 @@ def _keep(order: TaskOrder, folder: Path, game: GameRow) -> GameRow:
 def _copy(folder: Path, to: Path, kept: Path) -> None:
     """Copy a game's folder, which will stand at ``kept``: its settings name the files that are beside them there."""
     shutil.copytree(folder, to, ignore=_no_record)
+    before, after = (json.dumps(str(path), ensure_ascii=False)[1:-1] for path in (folder, kept.absolute()))
     for file in to.rglob(SETTINGS_FILE):
-        text = file.read_text(encoding="utf-8")
-        file.write_text(text.replace(str(folder), str(kept.absolute())), encoding="utf-8")
+        file.write_text(file.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
 
 
 def _no_record(folder: str, names: list[str]) -> list[str]:

@@ -167,7 +167,7 @@ class EtherCatServoBus:
         now = time.monotonic()
         asked = self._clock.tick
         tick = self._clock.told(now, self._moved)
-        made = self._sent + (tick - asked) * self.period
+        made = self._sent + (tick - asked) * self.period  # drives say where they are as the frame passes them
         self._unanswered = None
         elapsed, gap = made - self._made, now - self._answered
         self._made = made
