@@ -26,6 +26,7 @@ from app.commissioning.bring_up.axis_judgement import (
     judge_torque,
     judge_zero,
     most_doubtful,
+    ran_on,
     standing_axes,
 )
 from app.commissioning.bring_up.openings import (
@@ -80,11 +81,11 @@ def try_axes(
     bus: ServoBus, parameters: RobotParameters, table: TableSettings, onlooker: Onlooker, progress: Progress
 ) -> list[Finding]:
     """Try each axis of a bus that is open; the arm is left on its brakes. The last finding is how far it moved."""
-    arm = Judge("arm")
+    arm, count = Judge("arm"), 2.0 * np.pi / 2.0**parameters.drive.encoder_bits
     watched: WatchedBus | None = None
     found: list[Finding] = []
     try:
-        watched = WatchedBus(bus)
+        watched = WatchedBus(bus, count)
         found = _try_all(watched, DeltaModel(parameters), table, onlooker, progress)
         if all(one.state is CheckState.GOOD for one in found):
             found += _try_zero(watched.angle, DeltaModel(parameters), table, onlooker)
@@ -126,7 +127,7 @@ def _try_all(
     found += judge_fall(fall, _velocity_error(opening), expected)
     if not _good(found):
         return found
-    found += _try_torques(watched, model, fall, expected)
+    found += _try_torques(watched, model, opening, expected)
     return found + (judge_bite(opening.stopping, opening.velocity[-1]) if _good(found) else [])
 
 
@@ -162,22 +163,37 @@ def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) 
     return found
 
 
-def _try_torques(watched: WatchedBus, model: DeltaModel, fall: FloatArray, first: Expected) -> list[Finding]:
+def _try_torques(watched: WatchedBus, model: DeltaModel, fallen: BrakeOpening, first: Expected) -> list[Finding]:
     """All axes at once, one after the other, then all against their gravity; the first that is wrong ends it, before
-    the arm drops any further. ``fall`` is the free one where ``first`` was expected, (3,) [rad/s²].
+    the arm drops any further. ``fallen`` is the opening without torque, where ``first`` was expected.
+
+    A shaft that then ran on while its motor was to hold it until its brake bites is looked at before all of them:
+    every opening costs so much way again.
     """
-    acting, asked = _pull(watched, model, SUPPORTS, fall, first)
-    found = judge_together(acting, asked)
-    if found:
-        return found
-    for axis in most_doubtful(acting, asked):
-        acting, asked = _pull(watched, model, np.where(np.arange(3) == axis, SUPPORT, 0.0), fall, first)
-        found.append(judge_torque(axis, acting / asked[axis]))
+    fall = accelerations(fallen)
+    found: list[Finding] = []
+    ahead = ran_on(fallen.stopping)
+    for axis in ahead:
+        found.append(_try_alone(watched, model, axis, fall, first))
         if not _good(found):
             return found
+    acting, asked = _pull(watched, model, SUPPORTS, fall, first)
+    wrong = judge_together(acting, asked)
+    if wrong:
+        return found + wrong
+    for axis in most_doubtful(acting, asked):
+        if axis not in ahead:
+            found.append(_try_alone(watched, model, axis, fall, first))
+            if not _good(found):
+                return found
     here = Expected.at(model, watched.angle) or first
     found.append(judge_floating(accelerations(watched.open_briefly(here.gravity)), here))
     return found
+
+
+def _try_alone(watched: WatchedBus, model: DeltaModel, axis: int, fall: FloatArray, first: Expected) -> Finding:
+    acting, asked = _pull(watched, model, np.where(np.arange(3) == axis, SUPPORT, 0.0), fall, first)
+    return judge_torque(axis, acting / asked[axis])
 
 
 def _pull(

@@ -33,6 +33,8 @@ STOPPING: Final = 3e-3
 """A brake that stops its shaft within the way of so long is good [s], however well the others do."""
 UNEVEN: Final = 2.2
 """Else it may take so many times as long as the others; one of 8 N m that is left with 2 takes three times as long."""
+RAN_ON: Final = 0.02
+"""A shaft that turns on by more [rad] and much more than the others was not held by its motor, or has a weak brake."""
 FLOATS: Final = 0.5
 """Share of the free fall that gravity compensation may leave: masses of 20 % leave 0.2, a missing torque 1."""
 COUPLED: Final = 0.5
@@ -226,6 +228,13 @@ def judge_bite(stopping: FloatArray, velocity: FloatArray) -> list[Finding]:
         )  # fmt: skip
         found += judge.findings
     return found
+
+
+def ran_on(stopping: FloatArray) -> list[int]:
+    """Axes, at most one, that turned on much farther than the others until they stood, (3,) [rad]."""
+    farthest = int(stopping.argmax())
+    others = float(np.delete(stopping, farthest).max())
+    return [farthest] if stopping[farthest] > max(RAN_ON, UNEVEN * others) else []
 
 
 def judge_floating(left: FloatArray, expected: Expected) -> Finding:

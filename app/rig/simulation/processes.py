@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -218,15 +219,22 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
 
 def _end_world(rig: RigFile) -> None:
     """A simulated world ends with its controller; its last state must be on the disk before this process ends."""
-    if not rig.simulated:
+    pid = world_pid(rig.run_dir) if rig.simulated else None
+    if pid is None:
         return
-    pid = world_pid(rig.run_dir)
-    if pid is not None and rig.drives.emulated:  # on no bus there is a goodbye
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGTERM)
-    deadline = time.monotonic() + WORLD_TIMEOUT
-    while world_pid(rig.run_dir) is not None and time.monotonic() < deadline:
-        time.sleep(0.02)
+    try:
+        process = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    try:
+        if rig.drives.emulated:  # on no bus there is a goodbye
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(process, signal.SIGTERM)
+        select.select(
+            [process], [], [], WORLD_TIMEOUT
+        )  # until it has ended, whosever child it is: it writes until then
+    finally:
+        os.close(process)
 
 
 def _serve(rig: RigFile, open_bus: Opener, ready: Callable[[str, int], None]) -> int:
