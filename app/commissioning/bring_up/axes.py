@@ -29,7 +29,7 @@ from app.commissioning.bring_up.axis_judgement import (
     ran_on,
     standing_axes,
 )
-from app.commissioning.bring_up.openings import (
+from app.commissioning.bring_up.brake_openings import (
     OPENING_TIME,
     ROOM,
     SLIP,
@@ -56,8 +56,6 @@ SUPPORT: Final = 0.6
 out."""
 SUPPORTS: Final = (0.4, 0.6, 0.8)
 """The same of all axes at once: of other sizes, so that exchanged ones show, and are looked at first."""
-ROUNDS: Final = 2
-"""Openings each way by which a standing axis is judged: what the others feel of it is little."""
 LEAST_SUPPORT: Final = 0.3
 """[N m]: well above friction and cogging."""
 ZERO_TOLERANCE: Final = 0.026
@@ -123,7 +121,7 @@ def _try_all(
     count = 2.0 * np.pi / 2.0**model.parameters.drive.encoder_bits
     standing = standing_axes(opening.angle[-1] - opening.angle[0], count)
     if standing:
-        return found + _try_standing(watched, standing, expected)
+        return found + _try_standing(watched, standing, fall, expected)
     found += judge_fall(fall, _velocity_error(opening), expected)
     if not _good(found):
         return found
@@ -147,19 +145,19 @@ def _try_brakes(watched: WatchedBus) -> list[Finding]:
     return found
 
 
-def _try_standing(watched: WatchedBus, standing: list[int], expected: Expected) -> list[Finding]:
-    """Where an axis stands though the brakes are told to be open: whether its shaft turns all the same."""
+def _try_standing(watched: WatchedBus, standing: list[int], fall: FloatArray, expected: Expected) -> list[Finding]:
+    """Where an axis stands though the brakes are told to be open: whether its shaft turns all the same.
+
+    By a single opening, in which it is held: what a shaft turns whose encoder is dead, nobody sees or ends.
+    """
     if len(standing) == 3:
         return [judge_all_standing(OPENING_TIME)]
     found = []
     for axis in standing:
-        torque = np.zeros(3)
-        torque[axis] = max(SUPPORT * abs(expected.gravity[axis]), LEAST_SUPPORT)
-        up, down = (
-            np.mean([accelerations(watched.open_briefly(sign * torque)) for _ in range(ROUNDS)], axis=0)
-            for sign in (-1.0, 1.0)
-        )
-        found.append(judge_standing(axis, coupling_of(axis, up, down, float(torque[axis]), expected)))
+        torque = np.where(np.arange(3) == axis, np.sign(expected.gravity), 0.0)
+        torque *= np.maximum(np.abs(expected.gravity), LEAST_SUPPORT)
+        held = accelerations(watched.open_briefly(torque))
+        found.append(judge_standing(axis, coupling_of(axis, held - fall, float(torque[axis]), expected)))
     return found
 
 

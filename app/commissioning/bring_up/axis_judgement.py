@@ -147,14 +147,14 @@ def judge_all_standing(longest: float) -> Finding:
     return judge.findings[0]
 
 
-def coupling_of(axis: int, up: FloatArray, down: FloatArray, torque: float, expected: Expected) -> float:
-    """How the other axes answered a torque on one that stood, as a share of what its free shaft would do.
+def coupling_of(axis: int, change: FloatArray, torque: float, expected: Expected) -> float:
+    """How the other axes answered a torque on one that stood [N m], as a share of what its free shaft would do.
 
-    ``up`` and ``down`` are accelerations under the torque against and with its gravity, (3,) [rad/s²].
+    ``change`` is what it made of their accelerations, (3,) [rad/s²].
     """
     others = [other for other in range(3) if other != axis]
-    answer = np.linalg.inv(expected.inertia)[others, axis] * 2.0 * torque
-    return float((down - up)[others] @ answer / (answer @ answer))
+    answer = np.linalg.inv(expected.inertia)[others, axis] * torque
+    return float(change[others] @ answer / (answer @ answer))
 
 
 def judge_torque(axis: int, gains: FloatArray) -> Finding:

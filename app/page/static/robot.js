@@ -9,8 +9,6 @@ import {Orbit, VIEWS} from './robot/orbit.js';
 import {describe, inFingers} from './robot/words.js';
 import {View} from './robot/view.js';
 
-const FRAME = 1000 / 30; // [ms] no picture comes sooner after another …
-const SLOW_FRAME = 1000 / 8; // … and where there is no graphics card
 const LATER = 550; // [ms] after which shadows that were left out are drawn
 const NAMES = {front: 'Front', top: 'Top', person: 'Person'};
 const panels = new WeakMap();
@@ -193,7 +191,7 @@ class Panel {
 
   draw(now) {
     this.frame = 0;
-    if (now - this.drawn < (this.view.software ? SLOW_FRAME : FRAME) - 2) {
+    if (now - this.drawn < this.view.frame - 2) {
       this.frame = requestAnimationFrame((later) => this.draw(later));
       return;
     }

@@ -24,6 +24,8 @@ import {boardTexture, coordinateTexture, fadeTexture, makeMaterials} from './mat
 import {ForceArrow, Path} from './path.js';
 import {Pieces} from './pieces.js';
 
+const FRAME = 1000 / 30; // [ms] no picture comes sooner after another …
+const SLOW_FRAME = 1000 / 8; // … and where there is no graphics card
 const SHADOWS = 500; // [ms] between two drawings of the shadows without a graphics card
 const FLOOR = {light: '#bcc6cf', dark: '#27292c'};
 
@@ -31,6 +33,7 @@ const FLOOR = {light: '#bcc6cf', dark: '#27292c'};
 export class View {
   constructor(canvas, description) {
     this.software = drawnBySoftware();
+    this.frame = this.software ? SLOW_FRAME : FRAME;
     this.renderer = new WebGLRenderer({canvas, antialias: !this.software, alpha: true, powerPreference: 'low-power'});
     this.renderer.toneMapping = NeutralToneMapping;
     this.renderer.shadowMap.enabled = true;
