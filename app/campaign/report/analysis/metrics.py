@@ -25,6 +25,8 @@ OUTCOMES: Final[Mapping[TaskOutcome, str]] = {
 """How a game can end, and in words."""
 FAILED: Final = (TaskOutcome.UNMENDED, TaskOutcome.WRONG, TaskOutcome.CRASHED)
 """Outcomes that are failures."""
+ENDED_EARLY: Final = (TaskOutcome.UNMENDED, TaskOutcome.CRASHED)
+"""Outcomes of games in which not all plies were played."""
 
 
 class MetricSort(StrEnum):
@@ -66,12 +68,17 @@ class Metric:
         return np.where(rows.plies.words("kind") == self.kind.value, values, np.nan)
 
     def of_each_game(self, rows: CampaignRows) -> Numbers:
-        """The figure of each game, shape (games,); NaN where there is none."""
+        """The figure of each game, shape (games,); NaN where there is none.
+
+        Nor is there one of a whole game that ended early, as less would happen in it, which is no better; and how those
+        that went right did so is counted among them alone.
+        """
         if self.outcomes:
-            return rows.outcome_is(*self.outcomes).astype(np.float64)
+            hits = rows.outcome_is(*self.outcomes).astype(np.float64)
+            return hits if set(FAILED) & set(self.outcomes) else np.where(rows.outcome_is(*FAILED), np.nan, hits)
         if self.of_plies:
             return mean_by_game(self.of_each_ply(rows), rows.game_of_plies(), len(rows.games))
-        return rows.games.numbers(self.column)
+        return np.where(rows.outcome_is(*ENDED_EARLY), np.nan, rows.games.numbers(self.column))
 
 
 def _rate(key: str, name: str, *outcomes: str) -> Metric:

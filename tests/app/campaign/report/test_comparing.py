@@ -100,6 +100,23 @@ def test_what_is_better_is_said_to_be() -> None:
     assert said[0].startswith("Better: time of capture plies: 0.0")
 
 
+@pytest.mark.parametrize("paired", [True, False])
+def test_games_that_end_early_are_no_better_for_what_did_not_happen_in_them(paired: bool) -> None:
+    def with_repairs(rows: CampaignRows, early: np.ndarray) -> CampaignRows:
+        """In every whole game something was mended, twice; none had time for it in those that ended early."""
+        happened = {
+            "outcome": np.where(early, "unmended", "mended").astype(np.object_),
+            **{column: np.where(early, 0.0, 2.0) for column in ("repairs", "asked", "grips_lost", "peak_force_N")},
+        }
+        return replace(rows, games=RowTable({**rows.games.columns, **happened}))
+
+    older, newer = pair(1, paired)
+    half = np.arange(100) % 2 == 0
+    comparison = compared(with_repairs(older, np.zeros(100, bool)), with_repairs(newer, half))
+    assert {one.metric.key for one in comparison.found} == {"failed", "unmended"}
+    assert all(one.worse for one in comparison.found)
+
+
 def test_the_same_campaign_again_is_the_same_to_the_last_bit() -> None:
     older = campaign(range(30), 1)
     comparison = compared(older, campaign(range(30), 1))
