@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from hardware import awake
+from hardware import awake, kernel_workers
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 """``mlockall``: what is there, what comes, and no page before it is touched (else it would load whole libraries)."""
@@ -48,19 +48,22 @@ class RealTime(NamedTuple):
 
 
 @contextlib.contextmanager
-def real_time(name: str, priority: int, core: int | None = None) -> Iterator[RealTime]:
+def real_time(name: str, priority: int, core: int | None = None, *, serial: bool = False) -> Iterator[RealTime]:
     """Real time for the calling thread and its process, as far as the system grants it, until the block ends.
 
     SCHED_FIFO is for this thread alone, with a priority of 1 to 99; above 50, where Linux with PREEMPT_RT handles
     interrupts. Threads and processes that it starts are ordinary ones. Whoever has it must sleep in each period; the
     kernel takes the processor away for 50 ms from one that spins for 950 ms. ``core`` is the only one to run on; None
-    leaves that to the system. What was granted comes with ``name`` in its notes.
+    leaves that to the system. ``serial``: it waits for a serial port. What was granted comes with ``name`` in its
+    notes.
     """
     with contextlib.ExitStack() as undo:
         notes: list[str] = []
         pinned = core is None or _try(lambda: _pin(core, undo), f"{name} is not bound to core {core}", notes)
         locked = _try(lambda: _lock_memory(undo), f"the memory of {name} is not locked", notes)
         woken = _try(lambda: _keep_awake(core, undo), f"the processors may fall asleep beside {name}", notes)
+        if serial:
+            _try(lambda: _hurry(priority, undo), f"the kernel may be late with what comes at {name}'s port", notes)
         undo.enter_context(exact_timers())
         undo.enter_context(quiet_memory())
         scheduled = _try(lambda: _schedule(priority, undo), f"{name} has no SCHED_FIFO {priority}", notes)
@@ -149,6 +152,15 @@ def _keep_awake(core: int | None, undo: contextlib.ExitStack) -> None:
         undo.enter_context(awake.kept_awake(core))
     except OSError as error:
         raise _NotGranted(f"{awake.LATENCY}: {error.strerror}: {_AWAKE_REMEDY}") from error
+
+
+def _hurry(priority: int, undo: contextlib.ExitStack) -> None:
+    try:
+        undo.enter_context(kernel_workers.hurried(max(1, priority - 1)))
+    except OSError as error:
+        raise _NotGranted(
+            f"{error.strerror}: run as root, or 'sudo setcap cap_sys_nice+ep' the Python binary"
+        ) from error
 
 
 def _may_lock_everything() -> bool:

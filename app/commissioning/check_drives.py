@@ -71,7 +71,7 @@ def check_drives(
     """
     bus = open_bus(parameters)
     try:
-        with set_up_real_time(settings, bus.lockstep):
+        with set_up_real_time(settings, bus):
             return check_bus(bus, parameters, table)
     finally:
         bus.close()

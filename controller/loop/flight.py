@@ -180,7 +180,8 @@ def _beside(loop: int) -> Iterator[None]:
     """While this thread works it does not keep the loop from the interpreter for longer than a moment.
 
     It lets go of the interpreter after a tenth of a millisecond. And where the loop has real time this thread has it
-    too, one step below: else any other program could take the processor from it while it has the interpreter.
+    too, two steps below, so that the kernel still hands over what comes at a serial port (`hardware.kernel_workers`):
+    else any other program could take the processor from it while it has the interpreter.
 
     Args:
         loop: the kernel's number of the loop's thread.
@@ -189,7 +190,7 @@ def _beside(loop: int) -> Iterator[None]:
     sys.setswitchinterval(_TURN)
     with contextlib.suppress(OSError):
         if os.sched_getscheduler(loop) == os.SCHED_FIFO:
-            priority = max(1, os.sched_getparam(loop).sched_priority - 1)
+            priority = max(1, os.sched_getparam(loop).sched_priority - 2)
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     try:
         yield

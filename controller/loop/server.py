@@ -85,7 +85,7 @@ def serve(
     except (KeyFileError, PortInUse, ValueError) as error:
         bus.close()
         return _complain(f"the controller cannot start: {error}", 2)
-    with _ending_by_signal(server), set_up_real_time(settings, bus.lockstep) as granted:
+    with _ending_by_signal(server), set_up_real_time(settings, bus) as granted:
         try:
             server.run()
         except BusLost as error:

@@ -73,7 +73,7 @@ def _on_drives(site: CommissionSite, try_it: Callable[[ServoBus], list[Finding]]
         with drives_of(site.rig, site.progress) as drives:
             bus = drives.open(site.parameters)
             try:
-                with set_up_real_time(site.rig.controller, bus.lockstep):
+                with set_up_real_time(site.rig.controller, bus):
                     return try_it(bus)
             finally:
                 bus.close()

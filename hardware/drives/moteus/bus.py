@@ -54,6 +54,7 @@ class MoteusServoBus:
     """
 
     lockstep = False
+    by_serial_port = True
 
     def __init__(
         self,

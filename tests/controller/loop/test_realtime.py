@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -31,6 +32,11 @@ def may_schedule() -> bool:
 def present() -> tuple[int, int]:
     """Policy, without flags, and priority of this thread."""
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
+
+
+def bus(lockstep: bool, **more: bool) -> Any:
+    """What is asked of a bus here."""
+    return SimpleNamespace(lockstep=lockstep, **more)
 
 
 def refuse(*_: Any) -> None:
@@ -66,7 +72,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
 
 @pytest.mark.usefixtures("unprivileged")
 def test_without_privileges_it_runs_and_says_what_is_missing_and_what_to_do(capfd: pytest.CaptureFixture[str]) -> None:
-    with set_up_real_time(ControllerSettings(), lockstep=False) as granted:
+    with set_up_real_time(ControllerSettings(), bus(lockstep=False)) as granted:
         assert not granted.granted
         assert (granted.scheduled, granted.locked, granted.pinned, granted.awake) == (False, False, True, False)
     remedy = "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, or allow your account "
@@ -83,6 +89,24 @@ def test_without_privileges_it_runs_and_says_what_is_missing_and_what_to_do(capf
     ]
 
 
+@pytest.mark.usefixtures("unprivileged")
+def test_of_a_bus_by_a_serial_port_it_says_besides_that_the_kernel_may_be_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    priorities: list[int] = []
+
+    def refused(priority: int) -> Any:
+        priorities.append(priority)
+        refuse()
+
+    monkeypatch.setattr("hardware.kernel_workers.hurried", refused)
+    with set_up_real_time(ControllerSettings(), bus(lockstep=False, by_serial_port=True)) as granted:
+        assert not granted.scheduled
+    assert priorities == [ControllerSettings().priority - 1]
+    assert [note for note in granted.notes if "kernel" in note] == [
+        "the kernel may be late with what comes at the controller's port: Operation not permitted: run as root, or "
+        "'sudo setcap cap_sys_nice+ep' the Python binary"
+    ]
+
+
 @pytest.mark.parametrize(("wanted", "lockstep"), [(True, True), (False, False), (False, True)])
 def test_never_on_a_lockstep_bus_nor_where_it_is_not_wanted(
     wanted: bool, lockstep: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -90,7 +114,7 @@ def test_never_on_a_lockstep_bus_nor_where_it_is_not_wanted(
     seen = asked(monkeypatch)
     monkeypatch.setattr(realtime, "_lock_memory", lambda undo: seen.append((-1, -1)))
     before, _new = gc.get_freeze_count(), [object() for _ in range(10)]
-    with set_up_real_time(ControllerSettings(realtime=wanted), lockstep) as granted:
+    with set_up_real_time(ControllerSettings(realtime=wanted), bus(lockstep)) as granted:
         assert gc.get_freeze_count() > before
     assert granted == RealTime(scheduled=False, locked=False, pinned=False, awake=False, notes=())
     assert seen == []

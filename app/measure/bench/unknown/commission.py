@@ -178,7 +178,7 @@ def first_two_steps(rig: RigFile, progress: Progress) -> tuple[CommissionStep | 
             bus = drives.open(rig.robot())
             try:
                 before = true_tool(rig)
-                with set_up_real_time(rig.controller, bus.lockstep):
+                with set_up_real_time(rig.controller, bus):
                     found = [one for one in check_bus(bus, rig.robot(), rig.table) if _wrong(one)]
                     step = CommissionStep.DEVICES
                     if not found:
