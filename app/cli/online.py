@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -20,7 +21,39 @@ if TYPE_CHECKING:
     from app.terminal.interface import UserInterface
 
 
-@options.shared(options.RIG, options.PROCESSES, options.TALK, options.RECORD)
+_BOT: Final[options.Group] = MappingProxyType({
+    "upgrade": (
+        Annotated[
+            bool, typer.Option("--upgrade", help="With --bot: turn the account into a bot's. This cannot be undone.")
+        ],
+        False,
+    ),
+    "take_backs": (
+        Annotated[bool, typer.Option(help="With --bot: agree when the opponent wants to take a move back.")], True
+    ),
+    "elo": (Annotated[int | None, typer.Option(help="With --bot: strength; full strength if not given.")], None),
+    "movetime": (
+        Annotated[
+            float | None, typer.Option(min=0.001, help="With --bot: longest thought about a move [s], 3 if not given.")
+        ],
+        None,
+    ),
+    "nodes": (
+        Annotated[
+            int | None, typer.Option(min=1, help="With --bot: search this many nodes instead of thinking for a time.")
+        ],
+        None,
+    ),
+    "book": (Annotated[Path | None, typer.Option(help="With --bot: opening book in Polyglot's format.")], None),
+    "engine": (
+        Annotated[str | None, typer.Option(help="With --bot: path of a UCI engine; Stockfish by default.")], None
+    ),
+})  # fmt: skip
+"""Options of an account that the engine plays with."""
+_OF_THE_ENGINE: Final = ("elo", "movetime", "nodes", "book", "engine")
+
+
+@options.shared(_BOT, options.RIG, options.PROCESSES, options.TALK, options.RECORD)
 def online(
     context: typer.Context,
     person: Annotated[
@@ -46,25 +79,10 @@ def online(
         typer.Option(help="File with the account's token, mode 0600; if not given, the keyring is asked."),
     ] = None,
     server: Annotated[str, typer.Option(help="Address of the server.")] = "https://lichess.org",
-    upgrade: Annotated[
-        bool, typer.Option("--upgrade", help="With --bot: turn the account into a bot's. This cannot be undone.")
-    ] = False,
-    take_backs: Annotated[
-        bool, typer.Option(help="With --bot: agree when the opponent wants to take a move back.")
-    ] = True,
     arm_seconds: Annotated[
         float | None,
         typer.Option(min=0.0, help="Mean time of the arm for a ply [s], to tell which time controls it can keep."),
     ] = None,
-    elo: Annotated[int | None, typer.Option(help="With --bot: strength; full strength if not given.")] = None,
-    movetime: Annotated[
-        float | None, typer.Option(min=0.001, help="With --bot: longest thought about a move [s], 3 if not given.")
-    ] = None,
-    nodes: Annotated[
-        int | None, typer.Option(min=1, help="With --bot: search this many nodes instead of thinking for a time.")
-    ] = None,
-    book: Annotated[Path | None, typer.Option(help="With --bot: opening book in Polyglot's format.")] = None,
-    engine: Annotated[str | None, typer.Option(help="With --bot: path of a UCI engine; Stockfish by default.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     verify: options.Verify = None,
@@ -73,26 +91,32 @@ def online(
     as_json: options.AsJson = False,
 ) -> None:
     """Play on Lichess: you at the board against people, or the engine with a bot's account."""
-    if person is bot:
-        fail("choose who plays: --person for you at the board, or --bot for the engine")
-    if color not in (None, "white", "black"):
-        fail(f"--color is '{color}', choose white or black")
-    engines = [name for name in ("elo", "movetime", "nodes", "book", "engine") if options.given(context, name)]
-    if person and (engines or upgrade):
-        wrong = "--upgrade" if upgrade else f"--{engines[0]}"
-        fail(f"{wrong} is for --bot: in a person's game no engine runs, as the server's rules say")
-    if person and rig == "sim" and pace == "fast":
-        fail("people play by the wall clock: leave --pace fast out")
+    _refuse_contradictions(context)
     require_extra()
     page_ahead = page_of_command(context)
     also = {
-        "online.use": "person" if person else "bot", "online.color": color, "white.elo": elo, "rig.video": False,
-        "white.player": "human" if person else None,
+        "online.use": "person" if person else "bot", "online.color": color, "white.elo": context.params["elo"],
+        "rig.video": False, "white.player": "human" if person else None,
     }  # fmt: skip
     settings = options.settings_of_command(context, config, also)
-    if upgrade:
+    if context.params["upgrade"]:
         _upgrade(settings)
     show_game("play" if person else "demo", _games_of(context, settings), settings, page_ahead, as_json=as_json)
+
+
+def _refuse_contradictions(context: typer.Context) -> None:
+    """End the program with a sentence where options contradict each other."""
+    person, color, upgrade = (context.params[name] for name in ("person", "color", "upgrade"))
+    if person is context.params["bot"]:
+        fail("choose who plays: --person for you at the board, or --bot for the engine")
+    if color not in (None, "white", "black"):
+        fail(f"--color is '{color}', choose white or black")
+    engines = [name for name in _OF_THE_ENGINE if options.given(context, name)]
+    if person and (engines or upgrade):
+        wrong = "--upgrade" if upgrade else f"--{engines[0]}"
+        fail(f"{wrong} is for --bot: in a person's game no engine runs, as the server's rules say")
+    if person and context.params["rig"] == "sim" and context.params["pace"] == "fast":
+        fail("people play by the wall clock: leave --pace fast out")
 
 
 def require_extra() -> None:
