@@ -101,7 +101,7 @@ class ScriptedPerson(UserInterface):
     # what is done
 
     def _session(self) -> Iterator[str]:
-        while sum(self.acts.values()) < self._most:
+        while sum(self.acts.values()) < self._most and not self._over:
             act = Act(self._rng.choice(list(self._often), p=list(self._often.values())))
             self._said, self._moved, self._meant, self._fallen = [], [], None, False
             self._act = act
@@ -112,16 +112,23 @@ class ScriptedPerson(UserInterface):
             else:
                 self.acts[act] += 1
             for word in words:
+                if self._over:
+                    break
                 self._said.append(f"> {word}")
                 yield word
                 yield from self._answers(act)
             if self._prompted != "left":
                 self._check(act)
 
+    @property
+    def _over(self) -> bool:
+        """The game is over: they leave."""
+        return "another game" in self._prompted
+
     def _answers(self, act: Act) -> Iterator[str]:
         """What is asked is answered until it is the person's turn again."""
         for _ in range(6):
-            if "your move" in self._prompted:
+            if "your move" in self._prompted or self._over:
                 return
             self._said.append(f"? {self._prompted}")
             if "become" in self._prompted:

@@ -10,15 +10,19 @@ import sys
 import time
 from pathlib import Path
 
+import chess
 import pytest
 from typer.testing import CliRunner
 
 from app.campaign.ledger import WHOLE, results_in
+from app.campaign.task import SessionPlan
 from app.campaign.tasks.relay import LossyRelay
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
+from app.campaign.tasks.scripted_person import ScriptedPerson
 from app.cli import app as command_line
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
+from hardware.table import TableSettings
 
 FILE = """
 first_seed = 5
@@ -139,3 +143,17 @@ def test_a_relay_loses_what_its_seed_says_and_follows_another_controller(tmp_pat
     assert passed(3, 0.4) == passed(3, 0.4) != passed(4, 0.4)
     assert 14 <= len(passed(3, 0.4)) <= 34
     assert passed(3, 0.0)[:40] == list(range(40))
+
+
+@pytest.mark.parametrize("said", ["checkmate, result 0-1: another game?", "stalemate, result 1/2-1/2: another game?"])
+def test_a_scripted_person_leaves_when_the_game_is_over(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    person = ScriptedPerson(Path("nowhere"), 1, chess.Board(), SessionPlan(acts=5), TableSettings())
+    monkeypatch.setattr(person, "_do", lambda act: ["look", "fix"])
+    monkeypatch.setattr(person, "_amiss", lambda: None)
+    answers = []
+    for sentence in ("White to move: your move", said, said):
+        person.prompt(sentence)
+        answers.append(person.typed.next(1.0))
+    assert answers == ["look", "quit", "quit"]
+    assert person.mishaps == []
+    assert sum(person.acts.values()) == 1
