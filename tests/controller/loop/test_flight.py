@@ -308,8 +308,8 @@ def test_a_disk_that_refuses_is_one_sentence(
     flying.recorder.close(abnormal=True)
 
 
-@pytest.mark.parametrize(("policy", "asked"), [(os.SCHED_FIFO, [(0, 1, 79), (0, 0, 0)]), (os.SCHED_OTHER, [(0, 0, 0)])])
-def test_the_helper_works_one_step_below_the_loop(
+@pytest.mark.parametrize(("policy", "asked"), [(os.SCHED_FIFO, [(0, 1, 78), (0, 0, 0)]), (os.SCHED_OTHER, [(0, 0, 0)])])
+def test_the_helper_works_two_steps_below_the_loop(
     recorded: Callable[..., Recorded], monkeypatch: pytest.MonkeyPatch, policy: int, asked: list[Any]
 ) -> None:
     loops, found, turns = [], [], []
