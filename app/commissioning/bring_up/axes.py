@@ -118,8 +118,7 @@ def _try_all(
     progress("opening the brakes for a few milliseconds, six times: the tool drops by a millimetre each time")
     opening = watched.open_briefly(np.zeros(3))
     fall = accelerations(opening)
-    count = 2.0 * np.pi / 2.0**model.parameters.drive.encoder_bits
-    standing = standing_axes(opening.angle[-1] - opening.angle[0], count)
+    standing = standing_axes(opening.angle[-1] - opening.angle[0], watched.count)
     if standing:
         return found + _try_standing(watched, standing, fall, expected)
     found += judge_fall(fall, _velocity_error(opening), expected)

@@ -70,7 +70,7 @@ class WatchedBus:
     """
 
     def __init__(self, bus: ServoBus, count: float) -> None:
-        self._bus, self._count = bus, count
+        self._bus, self.count = bus, count
         self._said = bus.exchange(_command(_ZERO, brake=True, enable=False))
         self._origin = np.array(self._said.angle)
         self.farthest = 0.0
@@ -94,7 +94,7 @@ class WatchedBus:
         while len(openings) < _TRIES:
             opening = self._open_once(_triple(torque), way, longest)
             openings.append((steady_fall(opening)[1], opening))
-            if openings[-1][0] <= UNSTEADY * way + self._count or self.farthest + self._widest >= TOTAL_WAY:
+            if openings[-1][0] <= UNSTEADY * way + self.count or self.farthest + self._widest >= TOTAL_WAY:
                 break
         return min(openings, key=itemgetter(0))[1]
 

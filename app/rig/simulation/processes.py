@@ -230,9 +230,7 @@ def _end_world(rig: RigFile) -> None:
         if rig.drives.emulated:  # on no bus there is a goodbye
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(process, signal.SIGTERM)
-        select.select(
-            [process], [], [], WORLD_TIMEOUT
-        )  # until it has ended, whosever child it is: it writes until then
+        select.select([process], [], [], WORLD_TIMEOUT)  # its end, whosever child it is: it writes until then
     finally:
         os.close(process)
 
