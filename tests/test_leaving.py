@@ -55,7 +55,8 @@ def test_a_game_without_devices_is_left_and_taken_up(
 ) -> None:
     game = tmp_path / "game"
     lines = before if leave is None else (*before, leave)
-    run = run_program if len(before) > 1 else run_here  # whole programs after all that may come before
+    # whole programs after all that may come before, where the end is not typed
+    run = run_program if len(before) > 1 and leave is None else run_here
     status, report, said = run(game, lines, "play", "--no-page", *BOARD, "--out", str(game))
     plies = 2 * before.count("e4")
     assert report["plies"] == plies

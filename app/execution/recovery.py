@@ -43,8 +43,8 @@ _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CEN
 """Off its centre may be what lies along the view: a closer look tells."""
 FRUITLESS: Final = 3
 """After so many looks at what a person should have put right, it says what it sees, and how to go on or leave."""
-MOST_TRIES: Final = 3
-"""To stand one piece up."""
+MOST_TRIES: Final = 6
+"""To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""
 FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
 

@@ -19,7 +19,7 @@ import pytest
 from app import UserError
 from app.execution.carrier import Carried
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
-from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
+from app.execution.recovery import FRUITLESS, MOST_ROUNDS, MOST_TRIES, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position, Told
 from app.execution.table import Table
@@ -389,7 +389,7 @@ def test_what_a_piece_leans_on_goes_to_its_place_first(tmp_path: Path, prop: str
     paper.falls[0], paper.prop = Place.parse("d4"), prop
     with record:
         if asked:
-            with pytest.raises(NeedsHand, match="could not be stood up in 3 attempts"):
+            with pytest.raises(NeedsHand, match=f"could not be stood up in {MOST_TRIES} attempts"):
                 table.arm_ply(chess.Move.from_uci("e2e4"))
             return
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
