@@ -68,6 +68,8 @@ class GameSeries:
         if last is not None and last.wish is not None:
             self._grant(last.wish)
         plies = self._settings.game.plies
+        if self._puzzles and again and number > len(self._puzzles):
+            self._puzzles = ()  # whoever wants another game after the last one plays against the engine
         if self._puzzles:
             more = number <= len(self._puzzles) and last is not LEFT
             return _puzzle(self._puzzles[number - 1], self.human) if more else None

@@ -81,6 +81,16 @@ def test_a_puzzle_that_ends_in_mate_is_solved_by_it_also_by_another_one(tmp_path
         assert ended(folder) == ("1-0", "puzzle 1 is solved: checkmate")
 
 
+def test_after_the_last_puzzle_whoever_wants_another_game_plays_the_engine(tmp_path: Path) -> None:
+    puzzles = tmp_path / "mate.pgn"
+    puzzles.write_text(MATE)
+    folder = tmp_path / "game"
+    play(folder, "Ra8#", "new", "e4", "resign", "quit", accompanied=True, **{"practice.puzzles": puzzles})
+    assert ended(folder) == ("1-0", "puzzle 1 is solved: checkmate")
+    assert moves(folder / "game-2").startswith("1. e4 ")
+    assert ended(folder / "game-2") == ("0-1", "White resigns")
+
+
 def test_a_puzzle_is_left_and_gone_on_with(tmp_path: Path) -> None:
     puzzles = tmp_path / "two.csv"
     puzzles.write_text(TWO)
