@@ -48,7 +48,7 @@ RECEIVED: Final = LENGTH + 1
 EXECUTED: Final = RECEIVED + 1
 """… and executed."""
 GUARDING: Final = EXECUTED + 1
-"""1 once a TOUCH guard has begun, force then along z3 [N], ticks for which what is HELD was loose."""
+"""Ticks since a TOUCH guard has begun, force then along z3 [N], ticks for which what is HELD was loose."""
 PEAKS: Final = GUARDING + 3
 """Largest torque [N m] and tactile force [N] of the motion."""
 SIZE: Final = PEAKS + 2
