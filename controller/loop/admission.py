@@ -25,7 +25,7 @@ PRESSED = Violation(Cause.STOP_PRESSED, 0.0, 0.0)
 _LOOSE_TICKS: Final = 5
 """A piece that swings in the fingers may leave a pad for less: 4.4 ms."""
 _SETTLING_TICKS: Final = 24
-"""What a TOUCH is told from is learnt for 21 ms: after a fast way down the force told is off by up to 1.2 N at first."""
+"""What a TOUCH is told from is learnt for 21 ms: just after a fast way down the force told is off by up to 1.2 N."""
 _LEARNT: Final = 0.125
 """Share of a tick in it."""
 _GRIP, _TOUCH, _HELD = int(Guard.GRIP), int(Guard.TOUCH), int(Guard.HELD)
