@@ -13,7 +13,6 @@ import types
 import typing
 from collections.abc import Iterator, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, Final, Self
 
 from pydantic import BaseModel, Field, NonNegativeInt, model_validator
@@ -126,7 +125,7 @@ def fields() -> Mapping[str, Any]:
 
 def is_whole(kind: Any) -> bool:
     """Whether a field of this type is for whole numbers."""
-    parts = set(_parts(kind))
+    parts = set(parts_of(kind))
     return int in parts and float not in parts
 
 
@@ -143,10 +142,11 @@ def _fields(model: type[BaseModel], before: str) -> Iterator[tuple[str, Any]]:
             yield before + name, kind
 
 
-def _parts(kind: Any) -> Iterator[Any]:
+def parts_of(kind: Any) -> Iterator[Any]:
+    """The types that a field's may be one of."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType, typing.Annotated):
         for part in typing.get_args(kind):
-            yield from _parts(part)
+            yield from parts_of(part)
     else:
         yield kind
 
@@ -165,15 +165,3 @@ def _flattened(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str
             yield from _flattened(value, f"{name}.")
         else:
             yield name, value
-
-
-def beside(folder: Path, draw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Values that name files, as paths that hold anywhere; they lie beside a campaign's file."""
-    known = fields()
-    for name, value in draw.items():
-        if not any(part is Path for part in _parts(known[name])):
-            yield name, value
-        elif isinstance(value, ChoiceRange):
-            yield name, ChoiceRange(one_of=tuple(str(folder / str(one)) for one in value.one_of))
-        else:
-            yield name, str(folder / str(value))

@@ -8,7 +8,7 @@ import pytest
 from app.campaign.drawing import draw, stream
 from app.campaign.folder import load_spec
 from app.campaign.schema import TaskKind
-from app.campaign.spec import CampaignSpec, ChoiceRange, UniformRange
+from app.campaign.spec import CampaignSpec, UniformRange
 from app.campaign.task import CampaignTask
 from app.settings.toml import ConfigError
 from hardware.piece_set import Colour
@@ -122,11 +122,6 @@ def test_names_may_be_written_as_tables_or_dotted(tmp_path: Path) -> None:
         written(tmp_path, "kind='session'\n[draw]\nengine.nodes=3\nsession.often = {knock = 2, move = 2}\n")
     )
     assert sorted(draw(acts, 0).session.shares.values()) == [0.5, 0.5]
-
-
-def test_files_lie_beside_the_campaigns(tmp_path: Path) -> None:
-    found = load_spec(written(tmp_path, "[draw]\nengine.nodes = 3\nengine.book = {one_of = ['a.bin', '/b.bin']}\n"))
-    assert found.draw["engine.book"] == ChoiceRange(one_of=(str(tmp_path / "a.bin"), "/b.bin"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
