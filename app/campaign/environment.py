@@ -71,20 +71,19 @@ def _items(environment: CampaignEnvironment) -> Iterator[tuple[str, str]]:
 
 
 @cache
-def environment_here(engines: tuple[str, ...] | str | None, files: tuple[str, ...]) -> CampaignEnvironment:
+def environment_here(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
     """That of this process.
 
     Args:
-        engines: paths of those that play, each empty for the usual one; one alone may stand for itself, None for none.
+        engines: paths of those that play, an empty one for the usual one.
         files: that the campaign names, and folders.
 
     Raises:
         UserError: there is no such engine here, it does not answer, or one of the files cannot be read.
     """
-    paths = () if engines is None else (engines,) if isinstance(engines, str) else engines
     return CampaignEnvironment(
         sources=_sources(), python=platform.python_version(), packages=_packages(),
-        engine=", ".join(map(_engine_name, paths)),
+        engine=", ".join(map(_engine_name, engines)),
         files={name: _digest(Path(name)) for name in files},
         threads={name: os.environ.get(name, "not set") for name in SUMS},
     )  # fmt: skip

@@ -46,7 +46,7 @@ def play_task(text: str) -> str:
         BrokenOff: it was told to end.
     """
     order = TaskOrder.model_validate_json(text)
-    here = environment_here(order.engine, tuple(order.environment.files))
+    here = environment_here(order.engines, tuple(order.environment.files))
     if found := order.environment.differences(here):
         raise EnvironmentDiffers("; ".join(found))
     with _classified(order), scratch_folder(order.task.seed) as folder:
