@@ -43,6 +43,10 @@ class CampaignProgress:
             self._console.print(f"Dask's dashboard: {dashboard}", highlight=False, soft_wrap=True)
         self._show()
 
+    def waiting(self, reason: str) -> None:
+        """See ``CampaignShown.waiting``."""
+        self._console.print(reason, highlight=False, markup=False, soft_wrap=True)
+
     def finished(self, game: GameRow) -> None:
         """See ``CampaignShown.finished``."""
         self._done += 1

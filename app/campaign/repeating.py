@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 from app import UserError
@@ -13,11 +14,11 @@ from app.campaign.ledger import ledgers_in, results_in
 from app.campaign.named_files import engines_of, files_of
 from app.campaign.running import require_games
 from app.campaign.schema import GAMES_FOLDER, MEASURED, GameRow, TaskResult
-from app.campaign.tasks.playing import GAME
+from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 from app.campaign.workers.local import LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
 from app.campaign.workers.worker import play_again
-from app.records.files import TRAJECTORY_FILE
+from app.records.files import AGAIN, GAME, TRAJECTORY_FILE
 from app.rig.simulation.film import FilmWish, default_output, draw_film
 from hardware.frozen import Frozen
 
@@ -75,7 +76,7 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
         drawn: told how much of the film is drawn, and how much there is [s].
 
     Raises:
-        UserError: there is no such campaign or seed, or the folder is taken.
+        UserError: there is no such campaign or seed, the folder is taken, or it crashes or cannot be played here.
     """
     kept = kept_campaign(folder)
     task = draw(kept.spec, require_games(kept, folder, seed))
@@ -90,6 +91,12 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
             task=task, environment=here, engines=engines, keep=Kept.ALL, folder=output.absolute(), film=film
         )
         now = TaskResult.model_validate_json(workers.submit(play_again, order.model_dump_json()).result())
+    except (BrokenExecutor, GameDied, BrokenOff) as error:
+        workers.stop()
+        raise UserError(f"seed {seed} crashed: {error}") from error
+    except (MachineTrouble, EnvironmentDiffers, OSError) as error:
+        workers.stop()
+        raise UserError(f"seed {seed} cannot be played here: {error}") from error
     except BaseException:
         workers.stop()
         raise
@@ -116,4 +123,4 @@ def _different(before: TaskResult, now: TaskResult) -> tuple[str, ...]:
 
 def usual_output(folder: Path, seed: int) -> Path:
     """Where a game that is played again lies unless somebody says otherwise."""
-    return folder / GAMES_FOLDER / f"{seed}-again"
+    return folder / GAMES_FOLDER / f"{seed}{AGAIN}"

@@ -6,19 +6,20 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
 from pydantic import NonNegativeInt
 
+from app import UserError
 from app.campaign.drawing import draw
 from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
-from app.campaign.ledger import WHOLE, Ledger, Shard
+from app.campaign.ledger import WHOLE, Ledger, Shard, ledgers_in, results_in
 from app.campaign.named_files import engines_of, files_of
-from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
+from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec
 from app.campaign.tables import GrowingTables
@@ -87,6 +88,9 @@ class CampaignShown(Protocol):
     def begun(self, wanted: int, before: tuple[GameRow, ...], dashboard: str | None) -> None:
         """It begins, or goes on: so many games there are to be, and these there were."""
 
+    def waiting(self, reason: str) -> None:
+        """Nothing can begin yet, and why."""
+
     def finished(self, game: GameRow) -> None:
         """A game is over."""
 
@@ -122,7 +126,7 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
         KeyboardInterrupt: it was interrupted; likewise.
     """
     since, tally, played = time.monotonic(), _Tally(), 0
-    with _workers(wish) as workers:
+    with _workers(wish, shown) as workers:
         engines = engines_of(spec)
         environment = workers.environment(engines, files_of(spec))
         kept = keep_campaign(wish.folder, KeptCampaign(games=wish.games, spec=spec, environment=environment))
@@ -130,7 +134,9 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
             (wish.folder / GAMES_FOLDER).mkdir(exist_ok=True)
         indices = wish.shard.indices(wish.games)
         with Ledger(wish.folder / wish.shard.ledger) as ledger:
-            before = tuple(game for game in ledger.before if game.index in indices)
+            elsewhere = _played_elsewhere(wish)
+            played_before = ledger.done | elsewhere.keys()
+            before = tuple(game for game in (*ledger.before, *elsewhere.values()) if game.index in indices)
             for game in before:
                 tally.add(game)
             shown.begun(len(indices), before, workers.dashboard)
@@ -140,10 +146,10 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                 given = TaskOrder(task=task, environment=environment, engines=engines, keep=wish.keep, folder=folder)
                 return given.model_dump_json()
 
-            tasks = (draw(spec, index) for index in indices if index not in ledger.done)
-            tables = GrowingTables(wish.folder, kept.spec)
+            tasks = (draw(spec, index) for index in indices if index not in played_before)
+            tables, handed_out = GrowingTables(wish.folder, kept.spec), HandedOut()
             try:
-                for result in _results(tasks, workers, order, shown, environment):
+                for result in _results(tasks, workers, order, shown, environment, handed_out):
                     if ledger.add(result):
                         tally.add(result.game)
                         played += 1
@@ -151,9 +157,12 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                     tables.write_if_due()
             except BaseException:
                 workers.stop()
+                with suppress(UserError):  # a disk that is full is told by what has ended it
+                    for result in handed_out.finished():
+                        ledger.add(result)
+                    tables.write()
                 raise
-            finally:
-                tables.write()
+            tables.write()
     done = sum(tally.outcomes.values())
     return CampaignSummary(
         folder=wish.folder, games=len(indices), done=done, outcomes=dict(tally.outcomes), failed=tuple(tally.failed),
@@ -163,21 +172,31 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
 
 def _results(
     tasks: Iterator[CampaignTask], workers: _Workers, order: Callable[[CampaignTask], str], shown: CampaignShown,
-    environment: CampaignEnvironment,
+    environment: CampaignEnvironment, handed_out: HandedOut,
 ) -> Iterator[TaskResult]:  # fmt: skip
     def died(task: CampaignTask, reason: str, log: str) -> TaskResult:
         return crashed(task, reason, log, environment.digest)
 
-    return results_of(tasks, workers.scheduling(order, shown.idle), died)
+    return results_of(tasks, workers.scheduling(order, shown.idle), died, handed_out)
+
+
+def _played_elsewhere(wish: CampaignWish) -> dict[int, GameRow]:
+    """What other parts of the campaign have played already, as it was cut into parts before, by index."""
+    own = wish.folder / wish.shard.ledger
+    others = (result for path in ledgers_in(wish.folder) if path != own for result in results_in(path))
+    return {result.game.index: result.game for result in others}
 
 
 @contextmanager
-def _workers(wish: CampaignWish) -> Iterator[_Workers]:
+def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
     if wish.scheduler is not None:
         with open_cluster(wish.scheduler) as cluster:
 
             def ask(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
-                return cluster.executor.submit(environment_here, engines, files).result()
+                asked = cluster.executor.submit(environment_here, engines, files)
+                if not cluster.cores():
+                    shown.waiting(f"no worker is there yet: start some with 'dask worker {wish.scheduler}'")
+                return asked.result()
 
             yield _Workers(
                 lambda order, idle: Scheduling(

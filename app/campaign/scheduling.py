@@ -16,7 +16,7 @@ from typing import Final
 from app import UserError
 from app.campaign.schema import TaskResult
 from app.campaign.task import CampaignTask
-from app.campaign.troubles import EnvironmentDiffers, GameDied, MachineTrouble
+from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 
 DEATHS: Final = 2
 """After so many a task is tried alone."""
@@ -54,12 +54,12 @@ class Scheduling:
 
     @property
     def fatal(self) -> tuple[type[BaseException], ...]:
-        """All that tells that a worker, or a game's processes, have died."""
-        return BrokenExecutor, GameDied, *self.deaths
+        """All that tells that a worker, or a game's processes, have died, or that somebody else has ended them."""
+        return BrokenExecutor, GameDied, BrokenOff, *self.deaths
 
 
 @dataclass(slots=True)
-class _State:
+class HandedOut:
     """What is under way, and what is to be done again."""
 
     running: dict[Future[str], CampaignTask] = field(default_factory=dict)
@@ -72,21 +72,28 @@ class _State:
     alone: int | None = None
     words: dict[int, list[str]] = field(default_factory=dict)
 
+    def finished(self) -> Iterator[TaskResult]:
+        """What has been played, and nobody has taken any more."""
+        for future, task in self.running.items():
+            if future.done() and not future.cancelled() and future.exception() is None:
+                yield _counted(TaskResult.model_validate_json(future.result()), self.begun[task.index])
+
 
 def results_of(
-    tasks: Iterator[CampaignTask], scheduling: Scheduling, crashed: Callable[[CampaignTask, str, str], TaskResult]
-) -> Iterator[TaskResult]:
+    tasks: Iterator[CampaignTask], scheduling: Scheduling, crashed: Callable[[CampaignTask, str, str], TaskResult],
+    state: HandedOut,
+) -> Iterator[TaskResult]:  # fmt: skip
     """Play tasks, and give their results as they come in.
 
     Args:
         tasks: what is to be played.
         scheduling: how it is handed out.
         crashed: the result of a task that killed its worker each time, of a reason and a log.
+        state: nothing yet; whoever ends before the end finds there what was not taken.
 
     Raises:
         CampaignStopped: a worker is no such as the others, a machine has no room for long, or the scheduler is gone.
     """
-    state = _State()
     while True:
         _fill(state, tasks, scheduling)
         if not state.running:
@@ -99,13 +106,16 @@ def results_of(
             task = state.running.pop(future)
             result = _taken(state, task, future, scheduling, crashed)
             if result is not None:
-                begun = state.begun[task.index]
-                yield result.model_copy(update={"game": result.game.model_copy(update={"attempts": begun})})
+                yield _counted(result, state.begun[task.index])
         if not done:
             scheduling.idle()
 
 
-def _fill(state: _State, tasks: Iterator[CampaignTask], scheduling: Scheduling) -> None:
+def _counted(result: TaskResult, attempts: int) -> TaskResult:
+    return result.model_copy(update={"game": result.game.model_copy(update={"attempts": attempts})})
+
+
+def _fill(state: HandedOut, tasks: Iterator[CampaignTask], scheduling: Scheduling) -> None:
     """Hand out as many as there is room for; a suspect only where nothing else is under way."""
     if state.suspects and not state.running:
         task = state.suspects.popleft()
@@ -121,7 +131,7 @@ def _fill(state: _State, tasks: Iterator[CampaignTask], scheduling: Scheduling) 
         _submit(state, task_or_none, scheduling)
 
 
-def _submit(state: _State, task: CampaignTask, scheduling: Scheduling) -> None:
+def _submit(state: HandedOut, task: CampaignTask, scheduling: Scheduling) -> None:
     state.begun[task.index] += 1
     try:
         future = scheduling.executor.submit(scheduling.play, scheduling.order(task))
@@ -131,7 +141,7 @@ def _submit(state: _State, task: CampaignTask, scheduling: Scheduling) -> None:
 
 
 def _taken(
-    state: _State, task: CampaignTask, future: Future[str], scheduling: Scheduling,
+    state: HandedOut, task: CampaignTask, future: Future[str], scheduling: Scheduling,
     crashed: Callable[[CampaignTask, str, str], TaskResult],
 ) -> TaskResult | None:  # fmt: skip
     """The result of a task that is over; None: it is done again."""
@@ -156,7 +166,7 @@ def _taken(
     return None
 
 
-def _trouble(state: _State, task: CampaignTask, reason: str, scheduling: Scheduling) -> None:
+def _trouble(state: HandedOut, task: CampaignTask, reason: str, scheduling: Scheduling) -> None:
     state.troubles[task.index] += 1
     if state.troubles[task.index] >= TROUBLES:
         raise CampaignStopped(f"no game can be played: {reason}: mend that, and the same command goes on")

@@ -12,7 +12,7 @@ import chess
 from app import UserError
 from app.dataset.words import task_of
 from app.records.events import AnyEvent, PlyEvent, StartEvent, StepEvent, read_events
-from app.records.files import EVENTS_FILE, GAMES, RecordError
+from app.records.files import AGAIN, EVENTS_FILE, GAME, GAMES, RecordError
 from app.records.history import RecordState
 from app.records.rounds import match_folder, rounds_of
 
@@ -100,8 +100,12 @@ def _matches(source: Path) -> Iterator[tuple[Path, tuple[Path, ...]]]:
         return
     folder = source / GAMES if (source / GAMES).is_dir() else source
     for inner in sorted(folder.iterdir(), key=_numbered) if folder.is_dir() else ():
-        if games := tuple(game for game in rounds_of(inner) if not game.name.startswith(_SET_UP)):
-            yield inner, games
+        home = inner / GAME if (inner / GAME / EVENTS_FILE).is_file() else inner
+        again = inner.name.removesuffix(AGAIN)
+        if again != inner.name and (folder / again).is_dir():  # the same once more
+            continue
+        if games := tuple(game for game in rounds_of(home) if not game.name.startswith(_SET_UP)):
+            yield home, games
 
 
 def _numbered(path: Path) -> tuple[int, str]:

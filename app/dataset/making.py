@@ -18,7 +18,7 @@ from app.dataset.staging import appearing
 from app.dataset.told import read_told
 from app.dataset.wish import DatasetFormat, DatasetWish
 from app.dataset.writers import EpisodeWriter, folder_size
-from app.records.files import TRAJECTORY_FILE
+from app.records.files import TRAJECTORY_FILE, RecordError
 from app.records.robot import RobotRecord, kept_robot
 from app.records.rounds import rounds_of
 from app.rig.simulation.film import Standpoint, standpoint
@@ -80,8 +80,13 @@ def make_dataset(wish: DatasetWish, progress: Progress, said: Said) -> DatasetRe
         UserError: there are no games, none of them has what is needed, or the dataset cannot be written.
     """
     began, views = time.monotonic(), _views(wish)
-    matches = [plies_of_match(folder, games, wish.source, said) for folder, games in match_folders(wish.source)]
-    tally = _EpisodeTally(sum(len(match.plies) for match in matches))
+    matches, unreadable = list[MatchPlies](), list[str]()
+    for home, games in match_folders(wish.source):
+        try:
+            matches.append(plies_of_match(home, games, wish.source, said))
+        except RecordError as error:
+            unreadable.append(str(error))
+    tally = _EpisodeTally(sum(len(match.plies) for match in matches), skipped=unreadable)
     progress(0, tally.whole)
     with appearing(wish.output) as folder:
         writer = _writer(wish, folder, views)

@@ -26,6 +26,10 @@ ROUND_FOLDER: Final = re.compile(r"(?P<kind>game|set-up)-(?P<number>\d{1,6})")
 """Names of folders in that of a match: its later games, and what was set up for them."""
 GAMES: Final = Path("games")
 """Where records of games lie unless another folder is named."""
+GAME: Final = "game"
+"""Name of a record where other things of the same game are beside it, as a campaign keeps it."""
+AGAIN: Final = "-again"
+"""Ends the name of a game that was played once more."""
 _FULL = {errno.ENOSPC: "no space left on the device", errno.EDQUOT: "the disk quota is used up"}
 
 

@@ -21,12 +21,12 @@ import numpy as np
 
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.mishaps import ListeningPerson
-from app.campaign.tasks.playing import GAME, asked_for, interface, line_of, note_end, prepared
+from app.campaign.tasks.playing import asked_for, interface, line_of, note_end, prepared
 from app.campaign.tasks.rows import TaskStory
 from app.execution.state import EXPECTED_FAILURES
 from app.play.launch import resume_games, run_games
 from app.records import EVENTS_FILE, PlyEvent
-from app.records.files import write_atomically
+from app.records.files import GAME, write_atomically
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State

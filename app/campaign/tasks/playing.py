@@ -23,6 +23,7 @@ from app.play.game_setup import rig_setup_of, start_board
 from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.players.given_line import parse_line
+from app.records.files import GAME
 from app.rig.devices import RigFailed
 from app.settings.defaults import Settings
 from app.settings.toml import toml_value
@@ -31,8 +32,6 @@ from engine.errors import EngineProblem
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.process.randomisation import AS_A_LAB, Randomisation
 
-GAME: Final = "game"
-"""Folder of the record, in that of the task."""
 _WORLD: Final = "world.toml"
 
 

@@ -14,16 +14,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from app import UserError
 from app.campaign.environment import environment_here
 from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskResult
 from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
-from app.campaign.tasks.playing import GAME, play_here
+from app.campaign.tasks.playing import play_here
 from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import scratch_folder
 from app.campaign.troubles import MACHINE, BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 from app.campaign.workers.order import Kept, TaskOrder
-from app.records.files import full_disk
+from app.records.files import GAME, full_disk
 from app.rig.simulation.processes import last_words
 from app.settings.files import SETTINGS_FILE
 from controller.protocol.key import KEY_FILE
@@ -46,7 +47,10 @@ def play_task(text: str) -> str:
         BrokenOff: it was told to end.
     """
     order = TaskOrder.model_validate_json(text)
-    here = environment_here(order.engines, tuple(order.environment.files))
+    try:
+        here = environment_here(order.engines, tuple(order.environment.files))
+    except UserError as error:  # it has no engine, or not the files
+        raise EnvironmentDiffers(str(error)) from error
     if found := order.environment.differences(here):
         raise EnvironmentDiffers("; ".join(found))
     with _classified(order), scratch_folder(order.task.seed) as folder:
@@ -85,6 +89,7 @@ def _played(order: TaskOrder, folder: Path) -> TaskResult:
     try:
         story = play(task, folder, order.film)
     except KilledWithLog as error:
+        _require_machine(folder, error)
         result = crashed(task, "the game's program ended with an error", str(error), digest)
     except GameDied as error:
         _require_machine(folder, error)
@@ -107,8 +112,8 @@ def _require_machine(folder: Path, error: BaseException | None) -> None:
         MachineTrouble: it is one.
     """
     while error is not None:
-        if isinstance(error, OSError) and error.errno in MACHINE:
-            raise MachineTrouble(str(error)) from error
+        if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in MACHINE):
+            raise MachineTrouble(str(error) or "there is not enough memory") from error
         error = error.__cause__ or error.__context__
     if full := full_disk(folder):
         raise MachineTrouble(full)
@@ -133,7 +138,11 @@ def _last_words(folder: Path) -> str:
 
 
 def _keep(order: TaskOrder, folder: Path, game: GameRow) -> GameRow:
-    """Keep the folder of a game where that is wanted, and where the campaign's folder can be reached from here."""
+    """Keep the folder of a game where that is wanted, and where the campaign's folder can be reached from here.
+
+    Raises:
+        MachineTrouble: it cannot be written there.
+    """
     wanted = order.keep is Kept.ALL or (order.keep is Kept.FAILED and game.failed)
     if not wanted or order.folder is None or not (order.folder / CAMPAIGN_FILE).exists():
         return game
@@ -141,8 +150,13 @@ def _keep(order: TaskOrder, folder: Path, game: GameRow) -> GameRow:
     shutil.rmtree(kept, ignore_errors=True)  # of a worker that was killed while it copied
     part = kept.with_name(f".{kept.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    _copy(folder, part, kept)
-    part.rename(kept)
+    try:
+        _copy(folder, part, kept)
+        part.rename(kept)
+    except OSError as error:
+        full = full_disk(part.parent)  # which it no longer is once that is gone
+        shutil.rmtree(part, ignore_errors=True)
+        raise MachineTrouble(full or f"{kept} cannot be kept: {_first_of(error)}") from error
     return game.model_copy(update={"folder": f"{GAMES_FOLDER}/{game.seed}"})
 
 
@@ -152,6 +166,11 @@ def _copy(folder: Path, to: Path, kept: Path) -> None:
     before, after = (json.dumps(str(path), ensure_ascii=False)[1:-1] for path in (folder, kept.absolute()))
     for file in to.rglob(SETTINGS_FILE):
         file.write_text(file.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+
+
+def _first_of(error: OSError) -> str:
+    """What went wrong first: copying a folder collects it all."""
+    return str(error.args[0][0][2]) if isinstance(error, shutil.Error) else str(error)
 
 
 def _no_record(folder: str, names: list[str]) -> list[str]:

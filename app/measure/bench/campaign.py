@@ -39,6 +39,9 @@ class Unwatched:
     def begun(self, wanted: int, before: tuple[GameRow, ...], dashboard: str | None) -> None:
         """See ``CampaignShown.begun``."""
 
+    def waiting(self, reason: str) -> None:
+        """See ``CampaignShown.waiting``."""
+
     def finished(self, game: GameRow) -> None:
         """See ``CampaignShown.finished``."""
 

@@ -16,11 +16,12 @@ from app.campaign.drawing import draw
 from app.campaign.schema import GameRow
 from app.campaign.spec import CampaignSpec
 from app.campaign.tasks.mishaps import MeddlingHands
-from app.campaign.tasks.playing import GAME, line_of, note_end, prepared
+from app.campaign.tasks.playing import line_of, note_end, prepared
 from app.campaign.tasks.rows import TaskStory, result_of
 from app.campaign.tasks.scratch import scratch_folder
 from app.measure.bench.report import BenchReport, Progress, row
 from app.play.launch import run_games
+from app.records.files import GAME
 from hardware.table import TableSettings
 
 SEED: Final = 31

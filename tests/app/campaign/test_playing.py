@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import chess
 import pytest
 from typer.testing import CliRunner
 
+from app.campaign.drawing import draw
+from app.campaign.environment import environment_here
+from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.ledger import WHOLE, results_in
+from app.campaign.schema import GAMES_FOLDER
+from app.campaign.spec import CampaignSpec
 from app.campaign.task import SessionPlan
 from app.campaign.tasks.relay import LossyRelay
+from app.campaign.tasks.rows import crashed
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
 from app.campaign.tasks.scripted_person import ScriptedPerson
+from app.campaign.troubles import MachineTrouble
+from app.campaign.workers import worker
+from app.campaign.workers.order import Kept, TaskOrder
 from app.cli import app as command_line
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
@@ -76,6 +88,31 @@ def test_mistakes_are_answered_in_a_sentence(arguments: list[str], said: str) ->
     assert done.exit_code == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_a_game_that_cannot_be_kept_is_the_machines_trouble_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = CampaignSpec(draw={"start.line": True, "game.plies": 2})
+    order = TaskOrder(
+        task=draw(spec, 0), environment=environment_here((), ()), engines=(), keep=Kept.ALL, folder=tmp_path
+    )
+    (tmp_path / CAMPAIGN_FILE).touch()
+    (tmp_path / GAMES_FOLDER).mkdir()
+    (tmp_path / "played").mkdir()
+    (tmp_path / "played" / "world.toml").touch()
+
+    def full(_source: str, target: str) -> str:
+        Path(target).touch()
+        raise OSError(errno.ENOSPC, "No space left on device", target)
+
+    game = crashed(order.task, "", "", "").game
+    with monkeypatch.context() as patched:
+        patched.setattr(worker.shutil, "copytree", partial(shutil.copytree, copy_function=full))
+        with pytest.raises(MachineTrouble, match=r"cannot be kept: .*No space left on device"):
+            worker._keep(order, tmp_path / "played", game)
+    assert not list((tmp_path / GAMES_FOLDER).iterdir())
+    assert worker._keep(order, tmp_path / "played", game).folder == f"{GAMES_FOLDER}/{game.seed}"
 
 
 def test_what_a_killed_worker_leaves_is_ended_and_cleared_away() -> None:

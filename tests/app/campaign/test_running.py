@@ -17,15 +17,16 @@ import pytest
 
 from app import UserError
 from app.campaign.drawing import draw
+from app.campaign.environment import environment_here
 from app.campaign.folder import CampaignFolderError, kept_campaign
 from app.campaign.ledger import WHOLE, Shard, results_in
 from app.campaign.running import CampaignSummary, CampaignWish, run_campaign
-from app.campaign.scheduling import CampaignStopped, Scheduling, results_of
+from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
 from app.campaign.schema import GameRow, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
-from app.campaign.troubles import EnvironmentDiffers, MachineTrouble
+from app.campaign.troubles import BrokenOff, EnvironmentDiffers, MachineTrouble
 from app.campaign.workers.local import LocalWorkers, WorkerDied
 from app.campaign.workers.order import TaskOrder
 from app.campaign.workers.stub import StubPlan, play_stub
@@ -104,13 +105,14 @@ def test_an_interrupted_campaign_goes_on_by_the_same_call(tmp_path: Path, undist
     folder, wish = tmp_path / "campaign", partial(CampaignWish, workers=1, play=partial(play_stub, QUIET))
     with pytest.raises(KeyboardInterrupt):
         run_campaign(SPEC, wish(GAMES, folder), Fewer(4))
-    assert 4 <= len(rows(folder)) < GAMES
+    played = len(rows(folder))
+    assert 4 <= played < GAMES
     assert (folder / "games.parquet").exists()
     ledger = folder / WHOLE.ledger
     ledger.write_bytes(ledger.read_bytes()[:-5])  # and the power went
     shown = Fewer(99)
     assert run_campaign(SPEC, wish(GAMES, folder), shown).holds
-    assert shown.before == 3
+    assert shown.before == played - 1
     assert rows(folder) == undisturbed
 
 
@@ -119,6 +121,8 @@ def test_shards_come_to_the_same_rows_as_the_whole(tmp_path: Path, undisturbed: 
         assert run(tmp_path / "campaign", workers=1, shard=Shard((number, 2))).games == GAMES // 2
     halves = [rows(tmp_path / "campaign", Shard((number, 2)).ledger) for number in (1, 2)]
     assert halves[0] | halves[1] == undisturbed
+    whole = run(tmp_path / "campaign")
+    assert (whole.played, whole.done, whole.holds) == (0, GAMES, True), "cut otherwise, nothing is played again"
 
 
 def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
@@ -167,9 +171,8 @@ class Scripted(Executor):
         return future
 
 
-def scripted(answer: Callable[[int, int], BaseException | None], environment: str = "") -> list[TaskResult]:
-    from app.campaign.environment import environment_here
-
+def scripted(answer: Callable[[int, int], BaseException | None], state: HandedOut | None = None) -> list[TaskResult]:
+    """What comes in; of a state that is given, the first result alone, and then whoever takes them breaks off."""
     here = environment_here((), ())
 
     def order(task: CampaignTask) -> str:
@@ -177,7 +180,19 @@ def scripted(answer: Callable[[int, int], BaseException | None], environment: st
 
     scheduling = Scheduling(Scripted(answer), order, partial(play_stub, QUIET), lambda: 4, pause=0.0)
     tasks = (draw(SPEC, index) for index in range(6))
-    return list(results_of(tasks, scheduling, lambda task, why, log: crashed(task, why, log, here.digest)))
+
+    def died(task: CampaignTask, why: str, log: str) -> TaskResult:
+        return crashed(task, why, log, here.digest)
+
+    results = results_of(tasks, scheduling, died, state or HandedOut())
+    return list(results) if state is None else [next(results)]
+
+
+def test_what_was_played_and_not_taken_before_an_interruption_is_not_lost() -> None:
+    state = HandedOut()
+    (first,) = scripted(lambda index, _: WorkerDied("gone") if index == 2 else None, state)
+    left = {one.game.index for one in state.finished()}
+    assert left == {0, 1, 2, 3} - {first.game.index, 2}
 
 
 def test_a_disk_that_stays_full_ends_the_campaign_with_a_sentence() -> None:
@@ -191,6 +206,15 @@ def test_a_disk_that_stays_full_ends_the_campaign_with_a_sentence() -> None:
 def test_a_worker_that_is_not_as_the_others_ends_it_and_says_what_differs() -> None:
     with pytest.raises(CampaignStopped, match=r"not as the others are: packages.numpy is 1 instead of 2"):
         scripted(lambda index, _: EnvironmentDiffers("packages.numpy is 1 instead of 2") if index == 3 else None)
+
+
+def test_a_worker_that_somebody_ends_has_its_task_done_again() -> None:
+    found = {
+        one.game.index: one.game
+        for one in scripted(lambda index, n: BrokenOff("told") if index == 3 == n + 2 else None)
+    }
+    assert found[3].attempts == 2
+    assert len(found) == 6
 
 
 def test_a_scheduler_that_lets_go_of_its_tasks_is_gone() -> None:

@@ -25,6 +25,14 @@ def test_a_game_a_match_a_campaign_and_a_folder_of_games(tmp_path: Path) -> None
     assert [ply.game for ply in plies] == ["games/10", "games/10/game-2"]
 
 
+def test_a_campaign_keeps_a_record_beside_its_world_and_one_played_again_is_the_same_game(tmp_path: Path) -> None:
+    for name in ("games/9/game", "games/10/game", "games/9-again/game", "games/8-again/game"):
+        PlayedGame(tmp_path / name).play("e4")
+    nine, ten, alone = (tmp_path / "games" / name / "game" for name in ("9", "10", "8-again"))
+    assert match_folders(tmp_path) == ((alone, (alone,)), (nine, (nine,)), (ten, (ten,)))
+    assert match_folders(tmp_path / "games" / "9") == ((nine, (nine,)),)
+
+
 def test_a_folder_without_games_is_refused(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(UserError, match="holds no recorded game: name a record, a match, or a campaign that kept"):

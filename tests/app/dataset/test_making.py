@@ -155,13 +155,18 @@ def test_what_is_missing_is_one_sentence_and_leaves_nothing(game: Path, tmp_path
 
 
 def test_games_that_lack_something_are_skipped_among_others(game: Path, tmp_path: Path) -> None:
-    for name in ("1", "2"):
+    for name in ("1", "2", "3"):
         (tmp_path / "games" / name).mkdir(parents=True)
         (tmp_path / "games" / name / EVENTS_FILE).symlink_to(game / EVENTS_FILE)
+    garbled = tmp_path / "games" / "3" / EVENTS_FILE
+    garbled.unlink()
+    garbled.write_text("nonsense\n{}\n")
     (tmp_path / "games" / "2" / TELEMETRY_FILE).symlink_to(game / TELEMETRY_FILE)
     report = make(tmp_path, tmp_path / "set", views=())
     assert (report.episodes, report.games) == (2, 1)
-    assert [sentence.split()[0] for sentence in report.skipped] == [str(tmp_path / "games" / "1")]
+    assert [sentence.split()[0].rstrip(",") for sentence in report.skipped] == [
+        str(garbled), str(tmp_path / "games" / "1"),
+    ]  # fmt: skip
     games = LeRobotReader(tmp_path / "set").episodes["game"].to_pylist()
     assert games == ["games/2", "games/2"]
 
