@@ -7,8 +7,9 @@ draws the same in any campaign with that range, so that two versions can be held
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
@@ -16,11 +17,14 @@ from pydantic import BaseModel, ValidationError
 from app.campaign.schema import DrawnValue, TaskKind
 from app.campaign.spec import CampaignSpec, ChoiceRange, DrawRange, fields, is_whole
 from app.campaign.task import CampaignFaults, CampaignStart, CampaignTask, SessionPlan
+from app.campaign.tasks.acts import Act
 from app.settings.defaults import PlayerKind, Settings
-from app.settings.options import option_of
+from app.settings.toml import sentence_of
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
+
+_M = TypeVar("_M", bound=BaseModel)
 
 LINGER: Final = 60.0
 """So long a world waits for its program, as on a machine with much to do [s, wall]; where that was killed for good,
@@ -76,17 +80,15 @@ def _task(spec: CampaignSpec, index: int, drawn: Mapping[str, Any]) -> CampaignT
             _put(parts[section], rest, value)
         else:
             parts[_SETTINGS][name] = value
-    try:
-        sections: dict[str, Any] = {
-            name: _SECTIONS[name].model_validate(parts[name]) for name in _SECTIONS if parts[name]
-        }
-        task = CampaignTask(
-            index=index, seed=seed, kind=spec.kind, settings=Settings(), **sections,
-            drawn={name: _column(value) for name, value in drawn.items()},
-        )  # fmt: skip
-        settings = Settings().with_changes({**_usual(task, parts[_SETTINGS]), **parts[_SETTINGS]})
-    except ValidationError as error:
-        raise ValueError(_sentence(error)) from error
+    sections: dict[str, Any] = {
+        name: _checked(partial(_SECTIONS[name].model_validate, parts[name]), name) for name in _SECTIONS if parts[name]
+    }
+    task = CampaignTask(
+        index=index, seed=seed, kind=spec.kind, settings=Settings(), **sections,
+        drawn={name: _column(value) for name, value in drawn.items()},
+    )  # fmt: skip
+    changes = {**_usual(task, parts[_SETTINGS]), **parts[_SETTINGS]}
+    settings = _checked(partial(Settings().with_changes, changes))
     task = task.model_copy(update={"settings": settings})
     _require_sense(task)
     return task
@@ -139,7 +141,18 @@ def _require_sense(task: CampaignTask) -> None:
         raise ValueError('faults.kills, faults.knocks and faults.hands are for kind = "game": leave them out')
 
 
-def _sentence(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    name = option_of(".".join(str(part) for part in first["loc"]))
-    return f"{name}: {first['msg'].removeprefix('Value error, ')}, not {first['input']!r}"
+def _checked(made: Callable[[], _M], section: str = "") -> _M:
+    try:
+        return made()
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = _as_written([part for part in (section, *first["loc"]) if part != ""])
+        raise ValueError(f"{name}: {sentence_of(first)}") from error
+
+
+def _as_written(place: Sequence[str | int]) -> str:
+    """The dotted name as it is in the file: below a field's there is a key at most, the rest Pydantic adds."""
+    acts = {act.value: act.name.lower() for act in Act}
+    parts = [acts.get(str(part), str(part)) for part in place]
+    known = [length for length in range(1, len(parts) + 1) if ".".join(parts[:length]) in fields()]
+    return ".".join(parts[: max(known) + 1] if known else parts)

@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Final
 
 import app
+from app import UserError
 from app.campaign.workers.threads import SUMS
+from engine.errors import EngineMissing, Misbehaved
 from engine.process import UciProcess
 from engine.stockfish import find_engine
 from hardware.frozen import Frozen
@@ -25,6 +27,8 @@ ENGINE_DEADLINE: Final = 20.0
 """For an engine to say its name [s, wall]."""
 SHOWN: Final = 12
 """Digits of digests in sentences."""
+_DIGESTS: Final = ("sources", "files")
+"""All else is said whole: versions may differ in their last digit."""
 
 
 class CampaignEnvironment(Frozen):
@@ -36,9 +40,9 @@ class CampaignEnvironment(Frozen):
     packages: dict[str, str]
     """Versions of what the product is built on."""
     engine: str
-    """As it calls itself; empty where none plays."""
+    """As it calls itself, of several each; empty where none plays."""
     files: dict[str, str]
-    """SHA-256 of files that the campaign names, by path."""
+    """SHA-256 of files that the campaign names, by path; of a folder that of its files' names and sizes."""
     threads: dict[str, str]
     """Of ``SUMS``."""
 
@@ -59,28 +63,28 @@ class CampaignEnvironment(Frozen):
 
 def _items(environment: CampaignEnvironment) -> Iterator[tuple[str, str]]:
     for name, value in environment:
+        length = SHOWN if name in _DIGESTS else None
         if isinstance(value, dict):
-            yield from ((f"{name}.{inner}", str(text)[:SHOWN]) for inner, text in value.items())
+            yield from ((f"{name}.{inner}", str(text)[:length]) for inner, text in value.items())
         else:
-            yield name, str(value) if name == "engine" else str(value)[:SHOWN]
+            yield name, str(value)[:length]
 
 
 @cache
-def environment_here(engine: str | None, files: tuple[str, ...]) -> CampaignEnvironment:
+def environment_here(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
     """That of this process.
 
     Args:
-        engine: path of the one that plays, empty for the usual one; None: none plays.
-        files: that the campaign names.
+        engines: paths of those that play, an empty one for the usual one.
+        files: that the campaign names, and folders.
 
     Raises:
-        EngineProblem: there is no such engine, or it does not answer.
-        OSError: one of the files cannot be read.
+        UserError: there is no such engine here, it does not answer, or one of the files cannot be read.
     """
     return CampaignEnvironment(
         sources=_sources(), python=platform.python_version(), packages=_packages(),
-        engine="" if engine is None else _engine_name(engine or None),
-        files={name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files},
+        engine=", ".join(map(_engine_name, engines)),
+        files={name: _digest(Path(name)) for name in files},
         threads={name: os.environ.get(name, "not set") for name in SUMS},
     )  # fmt: skip
 
@@ -115,9 +119,32 @@ def _packages() -> dict[str, str]:
     return {name: version(name) for name in sorted(names)}
 
 
-def _engine_name(path: str | None) -> str:
-    process = UciProcess(find_engine(path), ENGINE_DEADLINE)
+def _digest(path: Path) -> str:
+    digest = hashlib.sha256()
     try:
-        return str(process.uci.id.get("name", "unnamed"))
-    finally:
-        process.kill()
+        if not path.is_dir():
+            return hashlib.sha256(path.read_bytes()).hexdigest()
+        for inner in sorted(path.rglob("*")):  # endgame tables take many GB: who has them all has the same
+            if inner.is_file():
+                digest.update(f"{inner.relative_to(path)}\0{inner.stat().st_size}\0".encode())
+    except OSError as error:
+        raise UserError(
+            f"{path}, which the campaign names, cannot be read on {socket.gethostname()} ({error.strerror}): "
+            "put it there, and the same command goes on"
+        ) from error
+    return digest.hexdigest()
+
+
+def _engine_name(path: str) -> str:
+    try:
+        process = UciProcess(find_engine(path or None), ENGINE_DEADLINE)
+        try:
+            return str(process.uci.id.get("name", "unnamed"))
+        finally:
+            process.kill()
+    except (EngineMissing, Misbehaved, OSError) as error:
+        why = "it is not there" if isinstance(error, EngineMissing) else str(error)
+        raise UserError(
+            f"engine {path or 'Stockfish'} cannot play on {socket.gethostname()} ({why}): install it there, or name "
+            "another one by engine.path"
+        ) from error

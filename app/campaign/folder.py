@@ -14,7 +14,8 @@ from pydantic import PositiveInt
 from app import UserError
 from app.campaign.drawing import check_ranges
 from app.campaign.environment import CampaignEnvironment
-from app.campaign.spec import CampaignSpec, DrawRange, beside
+from app.campaign.named_files import beside, require_named
+from app.campaign.spec import CampaignSpec, DrawRange
 from app.records.files import recording, write_atomically
 from app.settings.toml import ConfigError, load_toml, toml_value
 from hardware.frozen import Frozen
@@ -40,13 +41,15 @@ def load_spec(path: Path) -> CampaignSpec:
     """Read a campaign's file; files that it names are looked for beside it.
 
     Raises:
-        ConfigError: it cannot be read, or something in it is wrong, or a range leads out of what is possible.
+        ConfigError: it cannot be read, something in it is wrong, a range leads out of what is possible, or what it
+            names is not there.
     """
     spec = load_toml(path, CampaignSpec, "campaign", "docs/examples holds some to begin with")
     spec = spec.model_copy(update={"draw": dict(beside(path.absolute().parent, spec.draw))})
     try:
         check_ranges(spec)
-    except ValueError as error:
+        require_named(spec.draw)
+    except (ValueError, ConfigError) as error:
         raise ConfigError(f"campaign file {path}: {error}") from error
     return spec
 

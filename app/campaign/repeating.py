@@ -11,7 +11,8 @@ from app.campaign.drawing import draw
 from app.campaign.environment import environment_here
 from app.campaign.folder import kept_campaign
 from app.campaign.ledger import ledgers_in, results_in
-from app.campaign.running import engine_of, files_of, require_games
+from app.campaign.named_files import engines_of, files_of
+from app.campaign.running import require_games
 from app.campaign.schema import GAMES_FOLDER, MEASURED, GameRow, TaskResult
 from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 from app.campaign.workers.local import LocalWorkers
@@ -84,9 +85,10 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
     before = next((one for path in ledgers_in(folder) for one in results_in(path) if one.game.seed == seed), None)
     workers = LocalWorkers(1)
     try:
-        here = workers.submit(environment_here, engine_of(kept.spec), files_of(kept.spec)).result()
+        engines = engines_of(kept.spec)
+        here = workers.submit(environment_here, engines, files_of(kept.spec)).result()
         order = TaskOrder(
-            task=task, environment=here, engine=engine_of(kept.spec), keep=Kept.ALL, folder=output.absolute(), film=film
+            task=task, environment=here, engines=engines, keep=Kept.ALL, folder=output.absolute(), film=film
         )
         now = TaskResult.model_validate_json(workers.submit(play_again, order.model_dump_json()).result())
     except (BrokenExecutor, GameDied, BrokenOff) as error:

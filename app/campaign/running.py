@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from pydantic import NonNegativeInt
 
@@ -18,9 +18,10 @@ from app.campaign.drawing import draw
 from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
 from app.campaign.ledger import WHOLE, Ledger, Shard, ledgers_in, results_in
+from app.campaign.named_files import engines_of, files_of
 from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
-from app.campaign.schema import GAMES_FOLDER, GameRow, TaskKind, TaskOutcome, TaskResult
-from app.campaign.spec import CampaignSpec, ChoiceRange
+from app.campaign.schema import GAMES_FOLDER, GameRow, TaskOutcome, TaskResult
+from app.campaign.spec import CampaignSpec
 from app.campaign.tables import GrowingTables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
@@ -33,7 +34,6 @@ from hardware.frozen import Frozen
 
 WINDOW: Final = 2
 """So many tasks for each core are handed out: one is played, one waits."""
-_FILES: Final = ("engine.book", "white.book", "black.book", "vision.calibration")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class CampaignShown(Protocol):
 @dataclass(frozen=True, slots=True)
 class _Workers:
     scheduling: Callable[[Callable[[CampaignTask], str], Callable[[], None]], Scheduling]
-    environment: Callable[[str | None, tuple[str, ...]], CampaignEnvironment]
+    environment: Callable[[tuple[str, ...], tuple[str, ...]], CampaignEnvironment]
     dashboard: str | None
     stop: Callable[[], None]
 
@@ -127,8 +127,8 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
     """
     since, tally, played = time.monotonic(), _Tally(), 0
     with _workers(wish, shown) as workers:
-        engine, files = engine_of(spec), files_of(spec)
-        environment = workers.environment(engine, files)
+        engines = engines_of(spec)
+        environment = workers.environment(engines, files_of(spec))
         kept = keep_campaign(wish.folder, KeptCampaign(games=wish.games, spec=spec, environment=environment))
         with recording(wish.folder / GAMES_FOLDER):
             (wish.folder / GAMES_FOLDER).mkdir(exist_ok=True)
@@ -143,7 +143,7 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
 
             def order(task: CampaignTask) -> str:
                 folder = wish.folder.absolute()
-                given = TaskOrder(task=task, environment=environment, engine=engine, keep=wish.keep, folder=folder)
+                given = TaskOrder(task=task, environment=environment, engines=engines, keep=wish.keep, folder=folder)
                 return given.model_dump_json()
 
             tasks = (draw(spec, index) for index in indices if index not in played_before)
@@ -192,8 +192,8 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
     if wish.scheduler is not None:
         with open_cluster(wish.scheduler) as cluster:
 
-            def ask(engine: str | None, files: tuple[str, ...]) -> CampaignEnvironment:
-                asked = cluster.executor.submit(environment_here, engine, files)
+            def ask(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
+                asked = cluster.executor.submit(environment_here, engines, files)
                 if not cluster.cores():
                     shown.waiting(f"no worker is there yet: start some with 'dask worker {wish.scheduler}'")
                 return asked.result()
@@ -211,28 +211,13 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
     try:
         yield _Workers(
             lambda order, idle: Scheduling(local, order, wish.play, lambda: WINDOW * number, (), wish.pause, idle),
-            lambda engine, files: local.submit(environment_here, engine, files).result(), None, local.stop,
+            lambda engines, files: local.submit(environment_here, engines, files).result(), None, local.stop,
         )  # fmt: skip
     except BaseException:
         local.stop()
         raise
     else:
         local.shutdown()
-
-
-def engine_of(spec: CampaignSpec) -> str | None:
-    """Which engine plays; None: none; empty: the usual one."""
-    if spec.kind is TaskKind.SETUP or spec.fixed.get("start.line") is True or "game.moves" in spec.draw:
-        return None
-    return str(spec.fixed.get("engine.path", ""))
-
-
-def files_of(spec: CampaignSpec) -> tuple[str, ...]:
-    """Files that games depend on."""
-    draw: Mapping[str, Any] = spec.draw
-    named = [draw[name] for name in _FILES if name in draw]
-    flat = [one for value in named for one in (value.one_of if isinstance(value, ChoiceRange) else (value,))]
-    return tuple(sorted({str(one) for one in flat}))
 
 
 def require_games(kept: KeptCampaign, folder: Path, seed: int) -> int:

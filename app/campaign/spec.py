@@ -13,23 +13,35 @@ import types
 import typing
 from collections.abc import Iterator, Mapping
 from functools import cache
-from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, Self
 
-from pydantic import BaseModel, Field, NonNegativeInt, model_validator
+from pydantic import BaseModel, Field, NonNegativeInt, ValidationError, model_validator
 
 from app.campaign.schema import TaskKind
 from app.campaign.task import CampaignFaults, CampaignStart, SessionPlan
 from app.settings.defaults import Settings
+from app.settings.toml import sentence_of
 from hardware.frozen import FrozenFinite
 from hardware.sim.process.randomisation import Randomisation
 
 Plain = bool | int | float | str
-RESERVED: Final = (
-    "out", "rig.name", "rig.seed", "rig.pace", "rig.drives", "rig.randomise", "rig.ideal", "rig.port", "rig.relay",
-    "game.games", "game.replay", "game.replay_game", "game.from_ply", "game.from_board", "page", "terminal",
-)  # fmt: skip
-"""Settings that a campaign decides itself, or that mean nothing in one."""
+_NO_REPLAY: Final = "no campaign replays or asks a person; say game.moves or game.standing"
+RESERVED: Final = MappingProxyType({
+    "out": "say --out on the command line", "game.games": "say --games on the command line",
+    "rig.name": "it is always a simulation; leave it out", "rig.seed": "say first_seed",
+    "rig.pace": "it is always fast; leave it out", "rig.drives": "they are always sim; leave it out",
+    "rig.randomise": "say what the file holds as randomisation.*", "rig.ideal": "say randomisation.*",
+    "rig.port": "each game takes a free one; leave it out", "rig.relay": "say faults.link_loss",
+    "game.replay": _NO_REPLAY, "game.replay_game": _NO_REPLAY, "game.from_ply": _NO_REPLAY,
+    "game.from_board": _NO_REPLAY,
+    "page": "nobody looks on; leave it out", "terminal": "nobody listens; leave it out",
+    "online": "nothing is played on Lichess; leave it out", "link": "one robot plays alone; leave it out",
+    "practice": "nobody learns; leave it out",
+})  # fmt: skip
+"""Settings that a campaign decides itself, or that mean nothing in one, and whole sections of these: what to do."""
+_RANGES: Final = ({"from", "to"}, {"from", "to", "log"}, {"one_of"})
+_RANGE_KEYS: Final = "a range has from and to, and perhaps log; or one_of alone"
 
 
 class UniformRange(FrozenFinite):
@@ -93,12 +105,13 @@ class CampaignSpec(FrozenFinite):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        names = fields()
-        for name in self.draw:
-            if name not in names:
-                near = difflib.get_close_matches(name, names, n=1)
-                said = f"did you mean {near[0]}?" if near else "'touchmove config' and docs/campaign.md list them"
-                raise ValueError(f"there is nothing called {name} to draw: {said}")
+        for name, value in self.draw.items():
+            _require_known(name)
+            kind = fields()[name]
+            if isinstance(value, UniformRange):
+                _require_numbers(name, kind, value)
+            elif isinstance(value, Mapping) and typing.get_origin(kind) is not dict:
+                raise ValueError(f"{name}: {_RANGE_KEYS}; there is {', '.join(map(str, value)) or 'nothing'}")
         return self
 
     @property
@@ -115,7 +128,7 @@ class CampaignSpec(FrozenFinite):
 @cache
 def fields() -> Mapping[str, Any]:
     """Everything that can be drawn: the type of each by its dotted name."""
-    return types.MappingProxyType({
+    return MappingProxyType({
         **{name: kind for name, kind in _fields(Settings, "") if not _reserved(name)},
         **dict(_fields(Randomisation, "randomisation.")),
         **dict(_fields(CampaignFaults, "faults.")),
@@ -126,12 +139,36 @@ def fields() -> Mapping[str, Any]:
 
 def is_whole(kind: Any) -> bool:
     """Whether a field of this type is for whole numbers."""
-    parts = set(_parts(kind))
+    parts = set(parts_of(kind))
     return int in parts and float not in parts
 
 
-def _reserved(name: str) -> bool:
-    return name in RESERVED or name.split(".", maxsplit=1)[0] in RESERVED
+def _reserved(name: str) -> str | None:
+    """By which name a campaign keeps it for itself."""
+    return next((one for one in (name, name.split(".", maxsplit=1)[0]) if one in RESERVED), None)
+
+
+def _require_known(name: str) -> None:
+    names = fields()
+    if name in names:
+        return
+    if (kept := _reserved(name)) is not None:
+        raise ValueError(f"{name} is the campaign's own: {RESERVED[kept]}")
+    near = difflib.get_close_matches(name, names, n=1)
+    said = f"did you mean {near[0]}?" if near else "'touchmove config' and docs/campaign.md list them"
+    raise ValueError(f"there is nothing called {name} to draw: {said}")
+
+
+def _require_numbers(name: str, kind: Any, given: UniformRange) -> None:
+    parts = set(parts_of(kind))
+    if bool in parts:
+        raise ValueError(f"{name} is true or false, and has no from and to: use one_of = [true, false]")
+    if not parts & {int, float}:
+        raise ValueError(f"{name} is no number, and has no from and to: use one_of with a list of values")
+    if is_whole(kind) and not all(end.is_integer() for end in given.ends):
+        raise ValueError(
+            f"{name} is a whole number: write from = {given.from_:g} and to = {given.to:g} without fractions"
+        )
 
 
 def _fields(model: type[BaseModel], before: str) -> Iterator[tuple[str, Any]]:
@@ -143,15 +180,13 @@ def _fields(model: type[BaseModel], before: str) -> Iterator[tuple[str, Any]]:
             yield before + name, kind
 
 
-def _parts(kind: Any) -> Iterator[Any]:
+def parts_of(kind: Any) -> Iterator[Any]:
+    """The types that a field's may be one of."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType, typing.Annotated):
         for part in typing.get_args(kind):
-            yield from _parts(part)
+            yield from parts_of(part)
     else:
         yield kind
-
-
-_RANGES: Final = ({"from", "to"}, {"from", "to", "log"}, {"one_of"})
 
 
 def _flattened(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
@@ -160,20 +195,18 @@ def _flattened(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str
     for key, value in table.items():
         name = before + key
         if isinstance(value, Mapping) and set(value) in _RANGES:
-            yield name, ChoiceRange.model_validate(value) if "one_of" in value else UniformRange.model_validate(value)
-        elif isinstance(value, Mapping) and name not in known:
+            yield name, _range(name, value)
+        elif isinstance(value, Mapping) and name not in known and not {"from", "to", "one_of"} & set(value):
             yield from _flattened(value, f"{name}.")
         else:
             yield name, value
 
 
-def beside(folder: Path, draw: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Values that name files, as paths that hold anywhere; they lie beside a campaign's file."""
-    known = fields()
-    for name, value in draw.items():
-        if not any(part is Path for part in _parts(known[name])):
-            yield name, value
-        elif isinstance(value, ChoiceRange):
-            yield name, ChoiceRange(one_of=tuple(str(folder / str(one)) for one in value.one_of))
-        else:
-            yield name, str(folder / str(value))
+def _range(name: str, given: Mapping[str, Any]) -> DrawRange:
+    if given.get("one_of") == []:
+        raise ValueError(f"{name}: one_of is empty: name at least one value")
+    try:
+        return (ChoiceRange if "one_of" in given else UniformRange).model_validate(given)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ValueError(": ".join((name, *map(str, first["loc"][:1]), sentence_of(first)))) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from typing import Annotated, Any, Final
 
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, field_validator
@@ -52,8 +53,15 @@ class SessionPlan(FrozenFinite):
     @field_validator("often", mode="before")
     @classmethod
     def _by_name(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
         names = {act.name.lower(): act for act in Act}
-        return {names.get(key, key): often for key, often in given.items()} if isinstance(given, dict) else given
+        for key in given:
+            if key not in names and key not in set(Act):
+                near = difflib.get_close_matches(str(key), names, n=1)
+                said = f"did you mean {near[0]}? There are" if near else "choose"
+                raise ValueError(f"there is no act {key}: {said} {', '.join(names)}")
+        return {names.get(key, key): often for key, often in given.items()}
 
     @field_validator("often")
     @classmethod

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from app import UserError
 from hardware.camera.settings import LabCamera
@@ -57,11 +58,17 @@ def toml_value(value: object) -> str:
     return json.dumps(str(value) if isinstance(value, Path) else value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def sentence_of(error: ErrorDetails) -> str:
+    """What is wrong with a value, and the value, where it is short enough to be read."""
+    said, given = error["msg"].removeprefix("Value error, "), error["input"]
+    return f"{said}, not {given!r}" if isinstance(given, (str, int, float, bool)) else said
+
+
 def _explain(problem: ValidationError, model: type[BaseModel]) -> str:
     """The first mistake; an unknown name first, since it is often the misspelt form of a missing one."""
     errors = problem.errors(include_url=False)
     error = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
-    where = ".".join(_as_written(error["loc"])) or "the file"
+    where = ".".join(_as_written(error["loc"]))
     if error["type"] == "extra_forbidden":
         valid = _names(error["loc"][:-1], model)
         near = difflib.get_close_matches(str(error["loc"][-1]), valid, n=1)
@@ -75,7 +82,7 @@ def _explain(problem: ValidationError, model: type[BaseModel]) -> str:
         near = difflib.get_close_matches(given, _kinds(), n=1)
         said = f"did you mean {near[0]}?" if near else f"choose {', '.join(_kinds())}"
         return f"there is no {where} of kind '{given}': {said}"
-    return f"{where}: {error['msg'].removeprefix('Value error, ')}, not {_shown(error['input'])}"
+    return ": ".join(filter(None, (where, sentence_of(error))))
 
 
 def _kinds() -> list[str]:
@@ -108,7 +115,3 @@ def _model_in(annotation: object) -> type[BaseModel]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next(_model_in(part) for part in get_args(annotation) if part is not type(None))
-
-
-def _shown(value: object) -> str:
-    return repr(value) if isinstance(value, (str, int, float, bool)) else "what is there"

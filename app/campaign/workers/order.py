@@ -23,7 +23,7 @@ class TaskOrder(Frozen):
 
     task: CampaignTask
     environment: CampaignEnvironment
-    engine: str | None
+    engines: tuple[str, ...]
     """See ``environment_here``."""
     keep: Kept = Kept.FAILED
     folder: Path | None = None

@@ -48,7 +48,7 @@ def play_task(text: str) -> str:
     """
     order = TaskOrder.model_validate_json(text)
     try:
-        here = environment_here(order.engine, tuple(order.environment.files))
+        here = environment_here(order.engines, tuple(order.environment.files))
     except UserError as error:  # it has no engine, or not the files
         raise EnvironmentDiffers(str(error)) from error
     if found := order.environment.differences(here):

@@ -8,12 +8,14 @@ import pytest
 from app.campaign.drawing import draw, stream
 from app.campaign.folder import load_spec
 from app.campaign.schema import TaskKind
-from app.campaign.spec import CampaignSpec, ChoiceRange, UniformRange
+from app.campaign.spec import RESERVED, CampaignSpec, UniformRange, fields
 from app.campaign.task import CampaignTask
+from app.settings.defaults import Settings
 from app.settings.toml import ConfigError
 from hardware.piece_set import Colour
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "docs" / "examples").glob("campaign*.toml"))
+_RANGE_KEYS = "a range has from and to, and perhaps log; or one_of alone"
 RANGES = {
     "engine.nodes": {"from": 10, "to": 1000, "log": True},
     "randomisation.piece_mass": {"from": 0.0, "to": 0.4},
@@ -90,13 +92,11 @@ def test_only_what_wall_time_has_a_part_in_cannot_repeat() -> None:
     ("text", "said"),
     [
         ("[draw]\nengine.node = 3\n", "there is nothing called engine.node to draw: did you mean engine.nodes?"),
-        ("[draw]\nengine.nodes = 3\nrig.seed = 3\n", "there is nothing called rig.seed to draw"),
         ("[draw]\ngame.plies = 3\n", "give engine.nodes, such as 2000"),
         ("[draw]\nengine.nodes = {from = 5, to = 3}\n", "to = 3 is below from = 5: exchange them"),
         ("[draw]\nengine.nodes = {from = 0, to = 3, log = true}\n", "from = 0 has no logarithm"),
-        ("[draw]\nengine.nodes = 3\nfaults.grip = {from = 0, to = 1.5}\n", "grip"),
+        ("[draw]\nengine.nodes = 3\nfaults.grip = {from = 0, to = 1.5}\n", ": faults.grip: Input should be"),
         ("[draw]\nengine.nodes = 3\nrig.profile = {one_of = ['fast', 'faster']}\n", "faster"),
-        ("[draw]\nengine.nodes = {one_of = []}\n", "at least 1"),
         ("kind = 'setup'\n[draw]\nfaults.kills = 1\n", 'are for kind = "game"'),
         ("[draw]\nengine.nodes = 3\nstart.plies = 4\nstart.line = true\n", "start.plies is a beginning"),
         ("sort = 'game'\n", "there is no setting sort"),
@@ -107,6 +107,54 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
         load_spec(written(tmp_path, text))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("engine.name = 3", "there is nothing called engine.name to draw: did you mean engine.nodes?"),
+        ("engine.nodes = {one_of = []}", "engine.nodes: one_of is empty: name at least one value"),
+        ("engine.nodes = {from = 1, too = 10}", f"engine.nodes: {_RANGE_KEYS}; there is from, too"),
+        ("engine.nodes = {from = 1}", f"engine.nodes: {_RANGE_KEYS}; there is from"),
+        ("engine.nodes = {}", f"engine.nodes: {_RANGE_KEYS}; there is nothing"),
+        ("engine.nodes = {from = 'a', to = 3}", "engine.nodes: from: Input should be a valid number"),
+        ("engine.nodes = {from = 0.4, to = 10, log = true}", "engine.nodes is a whole number: write from = 0.4 and"),
+        ("start.line = {from = 0, to = 1}", "start.line is true or false, and has no from and to: use one_of = [true"),
+        ("rig.profile = {from = 0, to = 1}", "rig.profile is no number, and has no from and to: use one_of with"),
+        ("engine.nodes = 'many'", "engine.nodes: Input should be a valid integer"),
+        ("rig.profile = 'faster'", "rig.profile: Input should be 'default'"),
+        ("start.line = 'no idea'", "start.line: Input should be a valid boolean"),
+        ("engine.options.Hash = 1.5", "engine.options.Hash: Input should be"),
+        ("session.often = {knok = 1}", "session.often: there is no act knok: did you mean knock? There are move, ill"),
+        ("session.often = {zzz = 1}", "session.often: there is no act zzz: choose move, illegal, knock, two, swap"),
+        ("session.often = {knock = -1}", "session.often.knock: Input should be greater than or equal to 0, not -1"),
+        ("rig.seed = 3", "rig.seed is the campaign's own: say first_seed"),
+        ("out = 'there'", "out is the campaign's own: say --out on the command line"),
+        ("rig.pace = 'fast'", "rig.pace is the campaign's own: it is always fast; leave it out"),
+        ("page.on = true", "page.on is the campaign's own: nobody looks on; leave it out"),
+        ("terminal.speak = true", "terminal.speak is the campaign's own: nobody listens"),
+        ("online.token_file = 'x'", "online.token_file is the campaign's own: nothing is played on Lichess"),
+        ("practice.coach = true", "practice.coach is the campaign's own: nobody learns"),
+        ("link.port = {from = 1, to = 9}", "link.port is the campaign's own: one robot plays alone"),
+    ],
+)
+def test_a_sentence_has_the_name_as_it_is_in_the_file_and_the_remedy(tmp_path: Path, text: str, said: str) -> None:
+    nodes = "" if text.startswith("engine.nodes") else "engine.nodes = 3\n"
+    with pytest.raises(ConfigError) as caught:
+        load_spec(written(tmp_path, f"[draw]\n{nodes}{text}\n"))
+    _, _, sentence = str(caught.value).partition("campaign.toml: ")
+    assert sentence.startswith(said), sentence
+    assert "what is there" not in sentence
+    assert "\n" not in sentence
+
+
+def test_what_is_reserved_is_a_setting() -> None:
+    sections = Settings()
+    for name in RESERVED:
+        value: object = sections
+        for part in name.split("."):
+            value = getattr(value, part)
+        assert name not in fields()
 
 
 def test_names_may_be_written_as_tables_or_dotted(tmp_path: Path) -> None:
@@ -122,11 +170,6 @@ def test_names_may_be_written_as_tables_or_dotted(tmp_path: Path) -> None:
         written(tmp_path, "kind='session'\n[draw]\nengine.nodes=3\nsession.often = {knock = 2, move = 2}\n")
     )
     assert sorted(draw(acts, 0).session.shares.values()) == [0.5, 0.5]
-
-
-def test_files_lie_beside_the_campaigns(tmp_path: Path) -> None:
-    found = load_spec(written(tmp_path, "[draw]\nengine.nodes = 3\nengine.book = {one_of = ['a.bin', '/b.bin']}\n"))
-    assert found.draw["engine.book"] == ChoiceRange(one_of=(str(tmp_path / "a.bin"), "/b.bin"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)

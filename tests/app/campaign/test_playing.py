@@ -95,7 +95,7 @@ def test_a_game_that_cannot_be_kept_is_the_machines_trouble_and_leaves_nothing(
 ) -> None:
     spec = CampaignSpec(draw={"start.line": True, "game.plies": 2})
     order = TaskOrder(
-        task=draw(spec, 0), environment=environment_here(None, ()), engine=None, keep=Kept.ALL, folder=tmp_path
+        task=draw(spec, 0), environment=environment_here((), ()), engines=(), keep=Kept.ALL, folder=tmp_path
     )
     (tmp_path / CAMPAIGN_FILE).touch()
     (tmp_path / GAMES_FOLDER).mkdir()

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from app import UserError
 from app.campaign.drawing import draw
 from app.campaign.environment import environment_here
 from app.campaign.folder import CampaignFolderError, kept_campaign
@@ -145,6 +146,14 @@ def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
         run(strange, games=1, workers=1)
 
 
+def test_an_engine_that_no_worker_has_ends_it_before_a_game_is_played(tmp_path: Path) -> None:
+    spec = CampaignSpec.model_validate({"draw": {"engine.nodes": 3, "white.path": str(tmp_path / "none")}})
+    wish = CampaignWish(1, tmp_path / "campaign", workers=1, play=partial(play_stub, QUIET))
+    with pytest.raises(UserError, match=r"none cannot play on \S+ \(it is not there\)"):
+        run_campaign(spec, wish, Unwatched())
+    assert not (tmp_path / "campaign").exists()
+
+
 class Scripted(Executor):
     """Answers at once, as a function of the order and of how often it was asked."""
 
@@ -164,10 +173,10 @@ class Scripted(Executor):
 
 def scripted(answer: Callable[[int, int], BaseException | None], state: HandedOut | None = None) -> list[TaskResult]:
     """What comes in; of a state that is given, the first result alone, and then whoever takes them breaks off."""
-    here = environment_here(None, ())
+    here = environment_here((), ())
 
     def order(task: CampaignTask) -> str:
-        return TaskOrder(task=task, environment=here, engine=None).model_dump_json()
+        return TaskOrder(task=task, environment=here, engines=()).model_dump_json()
 
     scheduling = Scheduling(Scripted(answer), order, partial(play_stub, QUIET), lambda: 4, pause=0.0)
     tasks = (draw(SPEC, index) for index in range(6))
