@@ -68,7 +68,7 @@ class ComparisonBar(GatePart):
 
 
 class GateBars(GatePart):
-    """The whole file: every table may be left out, but not all of them."""
+    """The whole file: every table may be left out, but not all that ask for something."""
 
     games: GamesBar | None = None
     failed: RateBar | None = None
@@ -102,6 +102,12 @@ class GateBars(GatePart):
             if bar is not None:
                 yield figure, bar
 
+    @property
+    def asks(self) -> bool:
+        """Whether any campaign could miss it: an empty table, or one that switches itself off, asks for nothing."""
+        compares = self.compare is not None and self.compare.nothing_worse
+        return self.games is not None or compares or any(self.of_metrics()) or any(self.of_figures())
+
 
 @dataclass(frozen=True, slots=True)
 class GateVerdict:
@@ -122,7 +128,7 @@ def load_bars(path: Path) -> GateBars:
         ConfigError: it cannot be read, something in it is wrong, or it asks for nothing.
     """
     bars = load_toml(path, GateBars, "gate", _WRITE)
-    if not bars.model_fields_set:
+    if not bars.asks:
         raise ConfigError(f"gate file {path} asks for nothing, so that nothing could miss it: {_WRITE}")
     return bars
 

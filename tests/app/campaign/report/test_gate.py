@@ -115,6 +115,8 @@ def test_a_campaign_holds_by_its_gate_alone_or_without_failures() -> None:
         ("[placement]\nquantile = 1.0\nat_most = 2.0", "placement.quantile: Input should be less than 1"),
         ("[placement]\nquantile = 0.9\nat_most = nan", "placement.at_most: Input should be a finite number"),
         ("", "asks for nothing"),
+        ("[duration]", "asks for nothing"),
+        ("[compare]\nnothing_worse = false", "asks for nothing"),
         ("[wrong", "is not valid TOML"),
     ],
 )
