@@ -15,8 +15,8 @@ from app.campaign.report.analysis.distributions import (
     CampaignFigure,
     Distribution,
     ProductBar,
-    bounds_beyond,
     distribution,
+    share_beyond,
     worst_game,
 )
 from app.campaign.report.analysis.explaining import Association
@@ -140,7 +140,8 @@ def bars_of(figure: CampaignFigure, found: CampaignFindings) -> list[ProductBar]
     bars = list(found.product_bars.get(figure.key, ()))
     asked = found.gate_bars.get(figure.key)
     if asked is not None:
-        bars.append(ProductBar(asked.at_most, f"the gate: {percent(asked.quantile)} within {amount(asked.at_most)}"))
+        says = f"the gate: {percent(asked.quantile)} within {amount(asked.at_most)}"
+        bars.append(ProductBar(asked.at_most, says, asked.confidence))
     return bars
 
 
@@ -219,7 +220,7 @@ def figures_table(shown: Sequence[Distribution], found: CampaignFindings, captio
 def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
     seed, ply = worst_game(one, found.rows)
     unit = f" [{one.figure.unit}]" if one.figure.unit else ""
-    beyond = [_beyond(one, found, bar) for bar in bars_of(one.figure, found)]
+    beyond = [_beyond(one, found, bar) for bar in bars_of(one.figure, found) if bar.counted]
     return (
         f"{one.figure.name}{unit}", str(one.values.size), *(amount(one.quantile(share)) for share in QUANTILES),
         amount(one.most), f"seed {seed}" + ("" if ply is None else f", ply {ply}"), "; ".join(beyond) or "no bar",
@@ -227,8 +228,9 @@ def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
 
 
 def _beyond(one: Distribution, found: CampaignFindings, bar: ProductBar) -> str:
-    count, bounds = bounds_beyond(one, found.rows, bar.value)
-    return f"{count} beyond {amount(bar.value)} ({bar.says}): at most {percent(bounds.high)}"
+    count, bound = share_beyond(one, found.rows, bar)
+    sure = f"with {percent(bar.confidence)} confidence"
+    return f"{count} beyond {amount(bar.value)} ({bar.says}): at most {percent(bound)} {sure}"
 
 
 def groups_chart(name: str, one: Association, what: str, metric: Metric | None) -> Chart:

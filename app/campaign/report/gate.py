@@ -14,7 +14,13 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.campaign.report.analysis.comparing import MetricChange
-from app.campaign.report.analysis.distributions import FIGURES, CampaignFigure, distribution, share_beyond
+from app.campaign.report.analysis.distributions import (
+    FIGURES,
+    CampaignFigure,
+    ProductBar,
+    distribution,
+    share_beyond,
+)
 from app.campaign.report.analysis.metrics import METRICS, Metric
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import CONFIDENCE, rate_at_most
@@ -183,8 +189,8 @@ def _quantile(figure: CampaignFigure, bar: QuantileBar, rows: CampaignRows) -> G
     found = distribution(figure, rows)
     if found is None:
         return GateVerdict(figure.key, False, f"{figure.name}: there was none to judge")
-    count, hits, trials = share_beyond(found, rows, bar.at_most)
-    bound, allowed = rate_at_most(hits, trials, bar.confidence), 1.0 - bar.quantile
+    count, bound = share_beyond(found, rows, ProductBar(bar.at_most, "", bar.confidence))
+    allowed = 1.0 - bar.quantile
     what = "plies" if figure.of_plies else "games"
     return GateVerdict(
         figure.key, bound <= allowed + 1e-12,

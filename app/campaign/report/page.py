@@ -176,12 +176,14 @@ def _figures(found: CampaignFindings) -> Html:
     table = scrolling(figures_table(counts, found, "In each game"), "Counts in each game") if counts else Html("")
     if not charts and not counts:
         return tag("p", "The rows hold no figures.")
-    return joined([_charts(charts), table, tag("p", _KORN_GRAUBARD, class_="soft")])
+    return joined([_charts(charts), table, tag("p", _PLIES_IN_GAMES, class_="soft")])
 
 
-_KORN_GRAUBARD: Final = (
+_PLIES_IN_GAMES: Final = (
     "Plies of one game resemble each other. Bounds of a share of plies allow for that: they count as so many fewer as "
-    "games differ more from each other than chance would have it."
+    "games differ more from each other than chance would have it. Where fewer than five games have a ply beyond a bar, "
+    "the bound is that of the share of games, times the largest share within one of them. No bound is lower than that "
+    "of a bar which no game went beyond: a share of games too small to be among these may be beyond it in every ply."
 )
 
 

@@ -17,6 +17,7 @@ from app.campaign.report.findings import CampaignFindings, findings
 from app.campaign.report.gate import GateBars
 from app.campaign.report.page import MOST_FAILURES, campaign_page, repeat_command
 from app.campaign.report.summary import summary_json
+from app.campaign.report.wording import percent
 from app.campaign.spec import CampaignSpec
 from tests.app.campaign.report.synthetic import Columns, campaign, captures_are_slower, dark_rooms_fail
 from tests.app.report.test_page import HOSTILE, Walk
@@ -101,6 +102,29 @@ def test_a_smaller_square_is_a_nearer_bar() -> None:
     usual = findings(replace(rows, games=RowTable(games))).product_bars["placement"][0].value
     assert few == 45.0 / 4.0
     assert usual != few
+    campaign_file = kept("default", "abc").model_copy(update={"spec": CampaignSpec(draw={"rig.square": 55.0})})
+    plain = findings(replace(rows, games=RowTable(games), kept=campaign_file)).product_bars["placement"][0]
+    assert plain.value == pytest.approx(13.75)
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+def test_a_bar_has_one_bound_wherever_it_is_said(confidence: float) -> None:
+    asked = {"placement": {"quantile": 0.9, "at_most": 0.5, "confidence": confidence}}
+    found = findings(campaign(range(30), 1), None, GateBars.model_validate(asked))
+    (verdict,) = found.verdicts or ()
+    (bound,) = re.findall("at most [0-9.]+ % with [0-9]+ % confidence", verdict.sentence)
+    (cell,) = [text for text in Walk(campaign_page(found)).said("td") if "the gate: 90 % within 0.5" in text]
+    assert cell.endswith(bound)
+    told = json.loads(summary_json(found))["figures"]["placement"]["bars"][-1]
+    assert f"at most {percent(told['share_at_most'])} with {percent(told['confidence'])} confidence" == bound
+
+
+def test_peaks_of_plies_are_not_counted_beyond_a_bar_of_averages() -> None:
+    found = findings(campaign(range(5), 1))
+    page = Walk(campaign_page(found))
+    assert any(text.startswith("rated, on average") for text in page.said("text"))
+    assert not any("rated, on average" in text for text in page.said("td"))
+    assert len(json.loads(summary_json(found))["figures"]["torque"]["bars"]) == 1
 
 
 def test_every_chart_has_its_numbers_and_says_what_it_shows(page: Walk) -> None:
