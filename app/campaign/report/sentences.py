@@ -9,7 +9,7 @@ import numpy as np
 from app.campaign.report.analysis.comparing import MetricChange, known
 from app.campaign.report.analysis.effects import POWER
 from app.campaign.report.analysis.explaining import Association
-from app.campaign.report.analysis.metrics import Metric, MetricSort
+from app.campaign.report.analysis.metrics import METRICS, Metric, MetricSort
 from app.campaign.report.analysis.statistics import CONFIDENCE
 from app.campaign.report.findings import CampaignComparison, CampaignFindings, OutcomeRate
 from app.campaign.report.wording import amount, chance, counted, joined_words, percent, signed
@@ -94,6 +94,9 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     else:
         said.append(f"Few seeds are in both campaigns, so all games are compared as two samples: "
                     f"{len(match.older.games)} older, {len(match.newer.games)} newer.")  # fmt: skip
+    if match.metrics != METRICS:
+        said.append("Their games have another number of plies, so counts and largest values of whole games are left "
+                    "out; how games end may differ by that alone.")  # fmt: skip
     if comparison.differences is not None:
         said.append(
             f"Otherwise in this one: {'; '.join(comparison.differences)}." if comparison.differences

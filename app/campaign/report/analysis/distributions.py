@@ -116,7 +116,7 @@ def distribution(figure: CampaignFigure, rows: CampaignRows) -> Distribution | N
 
 
 def share_beyond(found: Distribution, rows: CampaignRows, bar: ProductBar) -> tuple[int, float]:
-    """How many values exceed a bar, and what share of all at most does, at the bar's confidence; plies come in games."""
+    """How many values exceed a bar, and what share of all does at most, at the bar's confidence."""
     beyond = found.values > bar.value
     count = int(beyond.sum())
     if not found.figure.of_plies:
