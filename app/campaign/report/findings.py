@@ -131,6 +131,16 @@ class CampaignComparison:
         """The changes that are more than chance, the surest first."""
         return tuple(sorted((one for one in self.changes if one.found), key=lambda one: one.corrected))
 
+    @property
+    def told(self) -> tuple[MetricChange, ...]:
+        """The same without one of the same games as another: all failures may be of one sort."""
+        told: list[MetricChange] = []
+        for change in reversed(self.found):
+            same = any(np.array_equal(change.newer, one.newer, True) and np.array_equal(change.older, one.older, True)
+                       for one in told)  # fmt: skip
+            told += [] if same else [change]
+        return tuple(told[::-1])
+
 
 @dataclass(frozen=True, slots=True)
 class CampaignFindings:
