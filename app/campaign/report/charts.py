@@ -15,8 +15,8 @@ from app.campaign.report.analysis.distributions import (
     CampaignFigure,
     Distribution,
     ProductBar,
-    bounds_beyond,
     distribution,
+    share_beyond,
     worst_game,
 )
 from app.campaign.report.analysis.explaining import Association
@@ -24,13 +24,15 @@ from app.campaign.report.analysis.metrics import Metric, MetricSort
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, rate_bounds
 from app.campaign.report.findings import CampaignFindings, OutcomeRate
-from app.campaign.report.wording import amount, percent, signed
+from app.campaign.report.wording import amount, counted, percent, signed
 from app.report.figures_of_plies import KINDS, Chart, DataTable
 from app.report.markup import Html, joined, tag
 from app.report.plot import PlotArea, drawing, mark, nice_ticks
 
 _ROW: Final = 34.0
 """Height of a row of a chart whose rows have names."""
+_LABEL: Final = 13.0
+"""Between two names that stand upright beside each other."""
 _MOST_POINTS: Final = 240
 """Of a line."""
 
@@ -140,7 +142,8 @@ def bars_of(figure: CampaignFigure, found: CampaignFindings) -> list[ProductBar]
     bars = list(found.product_bars.get(figure.key, ()))
     asked = found.gate_bars.get(figure.key)
     if asked is not None:
-        bars.append(ProductBar(asked.at_most, f"the gate: {percent(asked.quantile)} within {amount(asked.at_most)}"))
+        says = f"the gate: {percent(asked.quantile)} within {amount(asked.at_most)}"
+        bars.append(ProductBar(asked.at_most, says, asked.confidence))
     return bars
 
 
@@ -155,7 +158,7 @@ def _exceeding(one: Distribution, found: CampaignFindings, older: Distribution |
     area = PlotArea(nice_ticks(0.0, max(most, *(bar.value for bar in shown), 0.0)), y_ticks, left=60.0)
     parts = [area.axes(f"{figure.name.lower()} [{figure.unit}]", "plies beyond it", names)]
     parts += [area.steps(_line(each.values), look) for each, look in zip(both, ("one", "two"), strict=False)]
-    parts += [_upright(area, bar) for bar in shown]
+    parts += _uprights(area, shown)
     seed, ply = worst_game(one, found.rows)
     parts.append(mark(None, area.x(one.most), area.y(-math.log10(one.values.size)),
                       f"largest: {amount(one.most)} {figure.unit}, seed {seed}, ply {ply}"))  # fmt: skip
@@ -182,10 +185,21 @@ def _line(values: Numbers) -> list[tuple[float, float]]:
     return points + [(float(ordered[place]), float(np.log10(beyond[place]))) for place in places]
 
 
-def _upright(area: PlotArea, bar: ProductBar) -> Html:
-    """A bar as a line upwards, with its name along it."""
-    x, top, bottom = area.x(bar.value), area.y(area.y_ticks[-1]), area.y(area.y_ticks[0])
-    at = x - 4.0
+def _uprights(area: PlotArea, bars: Sequence[ProductBar]) -> list[Html]:
+    """Bars as lines upwards, each with its name along it: to its left, or where another name is there, to its right."""
+    parts, last = [], -_LABEL
+    for bar in sorted(bars, key=lambda one: one.value):
+        x = area.x(bar.value)
+        at = x - 4.0
+        if at - last < _LABEL:
+            at = max(last + _LABEL, x + _LABEL - 2.0)
+        parts.append(_upright(area, bar, x, at))
+        last = at
+    return parts
+
+
+def _upright(area: PlotArea, bar: ProductBar, x: float, at: float) -> Html:
+    top, bottom = area.y(area.y_ticks[-1]), area.y(area.y_ticks[0])
     return joined([
         tag("line", x1=x, y1=top, x2=x, y2=bottom, class_="limit"),
         tag("text", bar.says, x=at, y=top + 2.0, class_="limit-name", text_anchor="end",
@@ -219,7 +233,7 @@ def figures_table(shown: Sequence[Distribution], found: CampaignFindings, captio
 def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
     seed, ply = worst_game(one, found.rows)
     unit = f" [{one.figure.unit}]" if one.figure.unit else ""
-    beyond = [_beyond(one, found, bar) for bar in bars_of(one.figure, found)]
+    beyond = [_beyond(one, found, bar) for bar in bars_of(one.figure, found) if bar.counted]
     return (
         f"{one.figure.name}{unit}", str(one.values.size), *(amount(one.quantile(share)) for share in QUANTILES),
         amount(one.most), f"seed {seed}" + ("" if ply is None else f", ply {ply}"), "; ".join(beyond) or "no bar",
@@ -227,8 +241,9 @@ def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
 
 
 def _beyond(one: Distribution, found: CampaignFindings, bar: ProductBar) -> str:
-    count, bounds = bounds_beyond(one, found.rows, bar.value)
-    return f"{count} beyond {amount(bar.value)} ({bar.says}): at most {percent(bounds.high)}"
+    count, bound = share_beyond(one, found.rows, bar)
+    sure = f"with {percent(bar.confidence)} confidence"
+    return f"{count} beyond {amount(bar.value)} ({bar.says}): at most {percent(bound)} {sure}"
 
 
 def groups_chart(name: str, one: Association, what: str, metric: Metric | None) -> Chart:
@@ -249,7 +264,10 @@ def groups_chart(name: str, one: Association, what: str, metric: Metric | None) 
                     max(0.0, scale * max(high for _, high in bounds)), 118.0)  # fmt: skip
     parts = [area.axes(_axis("share of games" if rate else "change", unit), "", labels[::-1])]
     for row, (group, (low, high)) in enumerate(reversed(list(zip(one.groups, bounds, strict=True))), start=1):
-        y, says = area.y(float(row)), f"{group.label}: {_shown(group.value, rate, unit, scale)} of {group.games} games"
+        y, says = (
+            area.y(float(row)),
+            f"{group.label}: {_shown(group.value, rate, unit, scale)} of {counted(group.games, 'game')}",
+        )
         parts += [_between(area, scale * low, scale * high, y)] if rate else []
         parts.append(mark(None, area.x(scale * group.value), y, says))
     rows = [(group.label, str(group.games), _shown(group.value, rate, unit, scale)) for group in one.groups]

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel
 
+from app import UserError
+from app.campaign.environment import CampaignEnvironment
 from app.campaign.report.analysis.comparing import (
     GameMatch,
     MetricChange,
@@ -24,7 +26,7 @@ from app.campaign.report.analysis.comparing import (
 from app.campaign.report.analysis.distributions import FIGURES, Distribution, ProductBar, distribution, product_bars
 from app.campaign.report.analysis.explaining import Association, explained
 from app.campaign.report.analysis.locating import located
-from app.campaign.report.analysis.metrics import FAILED, METRICS, OUTCOMES, Metric
+from app.campaign.report.analysis.metrics import FAILED, OUTCOMES, Metric
 from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
@@ -129,6 +131,16 @@ class CampaignComparison:
         """The changes that are more than chance, the surest first."""
         return tuple(sorted((one for one in self.changes if one.found), key=lambda one: one.corrected))
 
+    @property
+    def told(self) -> tuple[MetricChange, ...]:
+        """The same without one of the same games as another: all failures may be of one sort."""
+        told: list[MetricChange] = []
+        for change in reversed(self.found):
+            same = any(np.array_equal(change.newer, one.newer, True) and np.array_equal(change.older, one.older, True)
+                       for one in told)  # fmt: skip
+            told += [] if same else [change]
+        return tuple(told[::-1])
+
 
 @dataclass(frozen=True, slots=True)
 class CampaignFindings:
@@ -167,6 +179,12 @@ class CampaignFindings:
 
 
 _FAILURES: Final = "failed"
+_LENGTHS: Final = ("game.plies", "session.acts")
+"""What decides how long games and sessions are."""
+
+
+class CampaignComparisonError(UserError):
+    """Two campaigns cannot be held against each other."""
 
 
 def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBars | None = None) -> CampaignFindings:
@@ -174,6 +192,7 @@ def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBa
 
     Raises:
         ConfigError: the gate asks for a comparison, and there is no older campaign.
+        CampaignComparisonError: the older campaign is of another kind.
     """
     comparison = None if older is None else compared(older, rows)
     ranges = drawn_ranges(rows)
@@ -188,15 +207,44 @@ def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBa
 
 
 def compared(older: CampaignRows, newer: CampaignRows) -> CampaignComparison:
-    """Hold a campaign against an older one."""
+    """Hold a campaign against an older one.
+
+    Raises:
+        CampaignComparisonError: they are of different kinds.
+    """
+    _require_one_kind(older, newer)
     match = with_the_same_plies(matched(older, newer))
+    if _lengths_differ(older, newer):
+        match = match.without_whole_games
     found = tuple(
         replace(change, where=located(change, match)) if change.found else change for change in changes(match)
     )
-    same = tuple(metric for metric in METRICS if _the_same(*sides_of(metric, match), match.paired))
+    same = tuple(metric for metric in match.metrics if _the_same(*sides_of(metric, match), match.paired))
     none = np.zeros(len(match.older.games)), np.zeros(len(match.newer.games))
     visible = visible_rate(*none, match.paired, level_of(len(found) + 1))
     return CampaignComparison(match, found, same, visible, _differences(older, newer))
+
+
+def _require_one_kind(older: CampaignRows, newer: CampaignRows) -> None:
+    before, now = _kinds(older), _kinds(newer)
+    if before and now and before != now:
+        raise CampaignComparisonError(
+            f"'{newer.name}' is a campaign of kind {' and '.join(sorted(now))}, and '{older.name}' one of kind "
+            f"{' and '.join(sorted(before))}: compare two of the same kind"
+        )
+
+
+def _kinds(rows: CampaignRows) -> set[str]:
+    """What was played; empty: nobody knows."""
+    return {rows.kept.spec.kind.value} if rows.kept is not None else set(rows.games.words("kind")) - {None}
+
+
+def _lengths_differ(older: CampaignRows, newer: CampaignRows) -> bool:
+    """Whether the games of one campaign were to be longer than those of the other."""
+    if older.kept is None or newer.kept is None:
+        return False
+    before, now = older.kept.spec.draw, newer.kept.spec.draw
+    return any(before.get(name) != now.get(name) for name in _LENGTHS)
 
 
 def _the_same(older: Numbers, newer: Numbers, paired: bool) -> bool:
@@ -214,7 +262,12 @@ def _differences(older: CampaignRows, newer: CampaignRows) -> tuple[str, ...] | 
         for name in sorted({*before, *now})
         if before.get(name) != now.get(name)
     )
-    return drawn + older.kept.environment.differences(newer.kept.environment)
+    return drawn + _named(older.kept.environment).differences(_named(newer.kept.environment))
+
+
+def _named(environment: CampaignEnvironment) -> CampaignEnvironment:
+    """With a word for the engine where none plays."""
+    return environment.model_copy(update={"engine": environment.engine or "none"})
 
 
 def _drawn(draw: Mapping[str, Any], name: str) -> str:

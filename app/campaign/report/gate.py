@@ -7,18 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.campaign.report.analysis.comparing import MetricChange
-from app.campaign.report.analysis.distributions import FIGURES, CampaignFigure, distribution, share_beyond
+from app.campaign.report.analysis.distributions import (
+    FIGURES,
+    CampaignFigure,
+    ProductBar,
+    distribution,
+    share_beyond,
+)
 from app.campaign.report.analysis.metrics import METRICS, Metric
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import CONFIDENCE, rate_at_most
-from app.campaign.report.wording import amount, percent
+from app.campaign.report.wording import amount, counted, percent
 from app.settings.toml import ConfigError, load_toml
 
 Confidence = Field(default=CONFIDENCE, gt=0.5, lt=1.0)
@@ -68,7 +74,7 @@ class ComparisonBar(GatePart):
 
 
 class GateBars(GatePart):
-    """The whole file: every table may be left out, but not all of them."""
+    """The whole file: every table may be left out, but not all that ask for something."""
 
     games: GamesBar | None = None
     failed: RateBar | None = None
@@ -102,6 +108,12 @@ class GateBars(GatePart):
             if bar is not None:
                 yield figure, bar
 
+    @property
+    def asks(self) -> bool:
+        """Whether any campaign could miss it: an empty table, or one that switches itself off, asks for nothing."""
+        compares = self.compare is not None and self.compare.nothing_worse
+        return self.games is not None or compares or any(self.of_metrics()) or any(self.of_figures())
+
 
 @dataclass(frozen=True, slots=True)
 class GateVerdict:
@@ -122,7 +134,7 @@ def load_bars(path: Path) -> GateBars:
         ConfigError: it cannot be read, something in it is wrong, or it asks for nothing.
     """
     bars = load_toml(path, GateBars, "gate", _WRITE)
-    if not bars.model_fields_set:
+    if not bars.asks:
         raise ConfigError(f"gate file {path} asks for nothing, so that nothing could miss it: {_WRITE}")
     return bars
 
@@ -145,12 +157,14 @@ def judged(
     verdicts += [_quantile(figure, bar, rows) for figure, bar in bars.of_figures()]
     if bars.compare is not None and bars.compare.nothing_worse:
         verdicts.append(_nothing_worse(changes))
-    return tuple(verdicts)
+    return tuple(replace(one, sentence=f"so far, {one.sentence}") if rows.unfinished else one for one in verdicts)
 
 
 def _games(bar: GamesBar, rows: CampaignRows) -> GateVerdict:
     count = len(rows.games)
-    return GateVerdict("games", count >= bar.at_least, f"{count} games were played, at least {bar.at_least} are wanted")
+    played = f"{counted(count, 'game')} {'was' if count == 1 else 'were'} played"
+    wanted = f"at least {bar.at_least} {'is' if bar.at_least == 1 else 'are'} wanted"
+    return GateVerdict("games", count >= bar.at_least, f"{played}, {wanted}")
 
 
 def _rate(metric: Metric, bar: RateBar, rows: CampaignRows) -> GateVerdict:
@@ -161,31 +175,34 @@ def _rate(metric: Metric, bar: RateBar, rows: CampaignRows) -> GateVerdict:
         f"{metric.name}: {hits} of {games}, so at most {percent(bound)} with {percent(bar.confidence)} confidence; "
         f"the bar is {percent(bar.at_most)}"
     )
-    if not held and rate_at_most(0, max(games, 1), bar.confidence) > bar.at_most:
-        sentence += f", which takes {games_for(bar)} games without one"
+    if hits == 0 and not held:
+        sentence += f", which takes {games_for(bar)} without one"
     return GateVerdict(metric.key, held, sentence)
 
 
 def games_for(bar: RateBar) -> str:
     """So many games without a hit it takes to show a bar."""
     if bar.at_most == 0.0:
-        return "more than any number of"
-    return str(math.ceil(math.log(1.0 - bar.confidence) / math.log(1.0 - bar.at_most)))
+        return "more than any number of games"
+    return counted(math.ceil(math.log(1.0 - bar.confidence) / math.log(1.0 - bar.at_most)), "game")
 
 
 def _quantile(figure: CampaignFigure, bar: QuantileBar, rows: CampaignRows) -> GateVerdict:
     found = distribution(figure, rows)
     if found is None:
         return GateVerdict(figure.key, False, f"{figure.name}: there was none to judge")
-    count, hits, trials = share_beyond(found, rows, bar.at_most)
-    bound, allowed = rate_at_most(hits, trials, bar.confidence), 1.0 - bar.quantile
+    count, bound = share_beyond(found, rows, ProductBar(bar.at_most, "", bar.confidence))
+    allowed = 1.0 - bar.quantile
     what = "plies" if figure.of_plies else "games"
-    return GateVerdict(
-        figure.key, bound <= allowed + 1e-12,
+    held = bound <= allowed + 1e-12
+    sentence = (
         f"{figure.name}: {percent(bar.quantile)} of the {what} are within {amount(found.quantile(bar.quantile))}"
         f"{_unit(figure)}; {count} of {found.values.size} are beyond {amount(bar.at_most)}{_unit(figure)}, so at most "
-        f"{percent(bound)} with {percent(bar.confidence)} confidence; the bar is {percent(allowed)}",
-    )  # fmt: skip
+        f"{percent(bound)} with {percent(bar.confidence)} confidence; the bar is {percent(allowed)}"
+    )
+    if count == 0 and not held:
+        sentence += f", which takes {games_for(RateBar(at_most=allowed, confidence=bar.confidence))} without one"
+    return GateVerdict(figure.key, held, sentence)
 
 
 def _unit(figure: CampaignFigure) -> str:

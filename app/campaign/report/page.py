@@ -66,7 +66,8 @@ def _header(found: CampaignFindings, name: str) -> Html:
     ]
     if found.verdicts is not None:
         missed = sum(not verdict.held for verdict in found.verdicts)
-        said = f"missed {missed} of {len(found.verdicts)} bars" if missed else "held"
+        so_far = " so far" if rows.unfinished else ""
+        said = f"missed {missed} of {counted(len(found.verdicts), 'bar')}{so_far}" if missed else f"held{so_far}"
         facts.append(("Gate", said, "bad" if missed else "good"))
     shown = (tag("div", tag("dt", what), tag("dd", value, class_=look)) for what, value, look in facts)
     title = "" if rows.kept is None else rows.kept.spec.title
@@ -79,7 +80,9 @@ def _header(found: CampaignFindings, name: str) -> Html:
 def _gate(found: CampaignFindings) -> Html:
     verdicts = found.verdicts or ()
     missed = sum(not verdict.held for verdict in verdicts)
-    said = f"{counted(missed, 'bar')} of {len(verdicts)} missed." if missed else f"All {len(verdicts)} bars are held."
+    every = "The one bar is" if len(verdicts) == 1 else f"All {len(verdicts)} bars are"
+    said = f"{counted(missed, 'bar')} of {len(verdicts)} missed" if missed else f"{every} held"
+    said += " so far." if found.rows.unfinished else "."
     items = (
         tag("li", tag("span", f"{verdict.bar}: {'held' if verdict.held else 'missed'}", class_="when"),
             f"{verdict.sentence[0].upper()}{verdict.sentence[1:]}.", class_="held" if verdict.held else "wrong")
@@ -107,7 +110,7 @@ def _compared(found: CampaignFindings) -> Html:
     said += [tag("p", sentence) for sentence in comparison_sentences(comparison)]
     charts = [
         groups_chart(f"change-{place}-{number}", one, f"Change of {change.metric.name}", change.metric)
-        for place, change in enumerate(comparison.found)
+        for place, change in enumerate(comparison.told)
         for number, one in enumerate(change.where) if one.holds
     ]  # fmt: skip
     heads = ("metric", ">games", ">before", ">now", ">difference", ">95 % interval", ">p", ">p corrected",
@@ -119,7 +122,7 @@ def _compared(found: CampaignFindings) -> Html:
     shown = [scrolling(table, "All metrics")] if comparison.changes else []
     tables = [
         folded(f"Where it sits: {change.metric.name}", _where_table(change.where, f"Change of {change.metric.name}"))
-        for change in comparison.found if change.where
+        for change in comparison.told if change.where
     ]  # fmt: skip
     return joined([*said, *shown, *tables, _charts(charts)])
 
@@ -176,12 +179,14 @@ def _figures(found: CampaignFindings) -> Html:
     table = scrolling(figures_table(counts, found, "In each game"), "Counts in each game") if counts else Html("")
     if not charts and not counts:
         return tag("p", "The rows hold no figures.")
-    return joined([_charts(charts), table, tag("p", _KORN_GRAUBARD, class_="soft")])
+    return joined([_charts(charts), table, tag("p", _PLIES_IN_GAMES, class_="soft")])
 
 
-_KORN_GRAUBARD: Final = (
+_PLIES_IN_GAMES: Final = (
     "Plies of one game resemble each other. Bounds of a share of plies allow for that: they count as so many fewer as "
-    "games differ more from each other than chance would have it."
+    "games differ more from each other than chance would have it. Where fewer than five games have a ply beyond a bar, "
+    "the bound is that of the share of games, times the largest share within one of them. No bound is lower than that "
+    "of a bar which no game went beyond: a share of games too small to be among these may be beyond it in every ply."
 )
 
 
@@ -193,7 +198,7 @@ def _failures(found: CampaignFindings) -> Html:
                     class_="incidents"))  # fmt: skip
     left = len(found.failures) - MOST_FAILURES
     if left > 0:
-        said.append(tag("p", f"{left} more are in games.parquet."))
+        said.append(tag("p", f"{left} more {'is' if left == 1 else 'are'} in games.parquet."))
     return joined(said)
 
 

@@ -30,7 +30,7 @@ def read_rows(folder: Path) -> CampaignRows:
     if ledgers_in(folder):
         games, plies = _from_ledgers(folder)
     elif (folder / GAMES_FILE).is_file():
-        games, plies = _from_parquet(folder / GAMES_FILE), _from_parquet(folder / PLIES_FILE)
+        games, plies = _from_parquet(folder / GAMES_FILE, GameRow), _from_parquet(folder / PLIES_FILE, PlyRow)
     else:
         raise CampaignRowsError(
             f"there is no result of a campaign in '{folder}': name a folder that 'touchmove campaign' was told by --out"
@@ -56,25 +56,39 @@ def _fields(row: type[GameRow | PlyRow]) -> list[str]:
     return [name for name in row.model_fields if name != "drawn"]
 
 
-def _from_parquet(file: Path) -> RowTable:
+def _from_parquet(file: Path, row: type[GameRow | PlyRow]) -> RowTable:
+    if not file.is_file():
+        raise CampaignRowsError(f"'{file}' is missing: copy it from where the campaign was played, beside {GAMES_FILE}")
     try:
         table = parquet.read_table(file)
     except (OSError, ValueError) as error:
         said = " ".join(str(error).split())
         raise CampaignRowsError(f"'{file}' cannot be read as Parquet: {said}: make it again from the ledger") from error
-    rows = RowTable({name: _column(table.column(name)) for name in table.column_names})
+    rows = RowTable({name: _column(file, name, table.column(name)) for name in table.column_names})
     newer = rows.numbers("schema_version") > SCHEMA_VERSION
     if newer.any():
         raise CampaignRowsError(
             f"'{file}' is of a newer version than {SCHEMA_VERSION}: read it with the one that wrote it"
         )
+    missing = [name for name in _fields(row) if name not in rows.columns]
+    if missing:
+        raise CampaignRowsError(
+            f"'{file}' has no column {missing[0]}, so it does not hold what it is named after: make it again from the "
+            "ledger"
+        )
     return rows
 
 
-def _column(column: Any) -> NDArray[Any]:
+def _column(file: Path, name: str, column: Any) -> NDArray[Any]:
     """Numbers and truths as numbers, NaN for null; everything else as words."""
     if not (pyarrow.types.is_string(column.type) or pyarrow.types.is_large_string(column.type)):
-        return np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
+        try:
+            return np.asarray(column.cast(pyarrow.float64()).to_numpy(), dtype=np.float64)
+        except pyarrow.ArrowException as error:
+            raise CampaignRowsError(
+                f"'{file}' has a column {name} of {column.type}, which is neither numbers nor words: make it again "
+                "from the ledger"
+            ) from error
     found = np.empty(len(column), dtype=np.object_)
     found[:] = column.to_pylist()
     return found

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from app.campaign.report.analysis.comparing import MetricChange, known
 from app.campaign.report.analysis.effects import POWER
 from app.campaign.report.analysis.explaining import Association
-from app.campaign.report.analysis.metrics import Metric, MetricSort
+from app.campaign.report.analysis.metrics import METRICS, Metric, MetricSort
 from app.campaign.report.analysis.statistics import CONFIDENCE
 from app.campaign.report.findings import CampaignComparison, CampaignFindings, OutcomeRate
 from app.campaign.report.wording import amount, chance, counted, joined_words, percent, signed
@@ -22,7 +20,7 @@ def lead(found: CampaignFindings) -> str:
     """How many games there are, and how many failed."""
     rows, failed = found.rows, found.rates[0]
     done = counted(failed.games, "game")
-    if rows.wanted is not None and rows.wanted > failed.games:
+    if rows.unfinished:
         done = f"{failed.games} of {rows.wanted} games so far"
     plies = counted(len(rows.plies), "ply") if len(rows.plies) == 1 else f"{len(rows.plies)} plies"
     return f"{done}, {plies}: {failed.hits or 'none'} failed."
@@ -34,7 +32,10 @@ def rate_sentence(rate: OutcomeRate) -> str:
     if rate.games == 0:
         return "No game is done, so there is nothing to say."
     if rate.hits == 0:
-        return f"No game of {rate.games} {what}: at most {percent(rate.at_most)} do, with {_SURE} confidence."
+        do = "are" if what.startswith("was ") else "do"
+        return f"No game of {rate.games} {what}: at most {percent(rate.at_most)} {do}, with {_SURE} confidence."
+    if rate.hits > 1:
+        what = what.replace("was silently", "were silently")
     return (
         f"{rate.hits} of {counted(rate.games, 'game')} {what}: {percent(rate.hits / rate.games)}, with {_SURE} "
         f"confidence {percent(rate.bounds.low)} to {percent(rate.bounds.high)}."
@@ -85,8 +86,9 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     match = comparison.match
     said = []
     if match.paired:
-        said.append(f"{counted(len(match.newer.games), 'game')} with the same seeds in both campaigns are held against "
-                    "each other in pairs, ply by ply where the move is the same.")  # fmt: skip
+        pairs = len(match.newer.games)
+        said.append(f"{counted(pairs, 'pair')} of games with the same seed in both campaigns "
+                    f"{'is' if pairs == 1 else 'are'} compared, ply by ply where the move is the same.")  # fmt: skip
         if match.left_out:
             said.append(f"{counted(match.left_out, 'game')} of either campaign, without a partner, left out.")
         if match.alike:
@@ -94,6 +96,9 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     else:
         said.append(f"Few seeds are in both campaigns, so all games are compared as two samples: "
                     f"{len(match.older.games)} older, {len(match.newer.games)} newer.")  # fmt: skip
+    if match.metrics != METRICS:
+        said.append("Their games have another number of plies, so counts and largest values of whole games are left "
+                    "out; how games end may differ by that alone.")  # fmt: skip
     if comparison.differences is not None:
         said.append(
             f"Otherwise in this one: {'; '.join(comparison.differences)}." if comparison.differences
@@ -105,7 +110,7 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
 def comparison_sentences(comparison: CampaignComparison) -> list[str]:
     """What became better or worse, where it sits, and what would have been seen."""
     tests = len(comparison.changes)
-    said = [change_sentence(change, tests, comparison.match.paired) for change in _told_once(comparison)]
+    said = [change_sentence(change, tests, comparison.match.paired) for change in comparison.told]
     if not said:
         said.append(f"No difference was found in {_tested(tests)}.")
     visible = [one for one in comparison.changes if not one.found and one.metric.key in SAID_FIRST]
@@ -117,18 +122,10 @@ def comparison_sentences(comparison: CampaignComparison) -> list[str]:
     return said
 
 
-def _told_once(comparison: CampaignComparison) -> list[MetricChange]:
-    """The changes that were found, without one of the same games as another: all failures may be of one sort."""
-    told: list[MetricChange] = []
-    for change in reversed(comparison.found):
-        same = any(np.array_equal(change.newer, one.newer, True) and np.array_equal(change.older, one.older, True)
-                   for one in told)  # fmt: skip
-        told += [] if same else [change]
-    return told[::-1]
-
-
 def _tested(tests: int) -> str:
-    return "anything: every figure is the same" if tests == 0 else f"any of {counted(tests, 'metric')}"
+    if tests < 2:
+        return "the one metric that differs at all" if tests else "anything: every figure is the same"
+    return f"any of {tests} metrics"
 
 
 def _all_the_same(comparison: CampaignComparison) -> str:

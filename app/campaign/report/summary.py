@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.campaign.report.analysis.comparing import MetricChange, known
-from app.campaign.report.analysis.distributions import QUANTILES, Distribution, bounds_beyond, worst_game
+from app.campaign.report.analysis.distributions import QUANTILES, Distribution, share_beyond, worst_game
 from app.campaign.report.analysis.explaining import Association
 from app.campaign.report.charts import bars_of
 from app.campaign.report.findings import CampaignComparison, CampaignFindings
@@ -59,8 +59,10 @@ def _figure(one: Distribution, found: CampaignFindings) -> Mapping[str, Any]:
     seed, ply = worst_game(one, found.rows)
     bars = []
     for bar in bars_of(one.figure, found):
-        count, bounds = bounds_beyond(one, found.rows, bar.value)
-        bars.append({"bar": bar.value, "said": bar.says, "beyond": count, "share_at_most": bounds.high})
+        if bar.counted:
+            count, bound = share_beyond(one, found.rows, bar)
+            bars.append({"bar": bar.value, "said": bar.says, "beyond": count, "share_at_most": bound,
+                         "confidence": bar.confidence})  # fmt: skip
     return {
         "unit": one.figure.unit,
         "values": one.values.size,

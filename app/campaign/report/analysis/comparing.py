@@ -59,6 +59,7 @@ class GameMatch:
         paired: game by game.
         left_out: games of either whose seed the other does not have.
         alike: pairs in which the world ended the same to the last bit.
+        metrics: all that they are compared by.
     """
 
     older: CampaignRows
@@ -66,6 +67,12 @@ class GameMatch:
     paired: bool
     left_out: int
     alike: int
+    metrics: tuple[Metric, ...] = METRICS
+
+    @property
+    def without_whole_games(self) -> GameMatch:
+        """The match without what grows with the length of games, which says nothing where that is another."""
+        return replace(self, metrics=tuple(one for one in self.metrics if not one.of_whole_games))
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +182,7 @@ def tested(match: GameMatch) -> tuple[MetricTest, ...]:
     Args:
         match: with the same plies in both, where games are paired.
     """
-    sides = [(metric, *sides_of(metric, match)) for metric in METRICS]
+    sides = [(metric, *sides_of(metric, match)) for metric in match.metrics]
     varied = [one for one in sides if differ(one[1], one[2], match.paired)]
     found = [_p_value(*one, match.paired) for one in varied]
     corrected = holm([p for p, _ in found])

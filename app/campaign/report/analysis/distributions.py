@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.campaign.report.analysis.rows import CampaignRows
-from app.campaign.report.analysis.statistics import Numbers, RateBounds, clustered_rate, rate_bounds
+from app.campaign.report.analysis.statistics import CONFIDENCE, Numbers, clustered_at_most, rate_at_most
 from app.pieces.inventory import MoveKind
 from app.pieces.judging import most_off_centre
 from app.report.plot import number
@@ -24,10 +24,19 @@ QUANTILES: Final = (0.5, 0.9, 0.99, 0.999)
 
 @dataclass(frozen=True, slots=True)
 class ProductBar:
-    """What a figure is held against: a value in the figure's unit, and where it is from."""
+    """What a figure is held against.
+
+    Attributes:
+        value: in the figure's unit.
+        says: where it is from.
+        confidence: of the bound of the share beyond it.
+        counted: each value is held against it; else it is one of averages, and only drawn.
+    """
 
     value: float
     says: str
+    confidence: float = CONFIDENCE
+    counted: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,21 +115,16 @@ def distribution(figure: CampaignFigure, rows: CampaignRows) -> Distribution | N
     return Distribution(figure, values[known], places) if places.size else None
 
 
-def share_beyond(found: Distribution, rows: CampaignRows, bar: float) -> tuple[int, float, float]:
-    """How many values exceed a bar, and how many independent hits and trials that is worth (plies come in games)."""
-    beyond = found.values > bar
+def share_beyond(found: Distribution, rows: CampaignRows, bar: ProductBar) -> tuple[int, float]:
+    """How many values exceed a bar, and what share of all does at most, at the bar's confidence."""
+    beyond = found.values > bar.value
+    count = int(beyond.sum())
     if not found.figure.of_plies:
-        return int(beyond.sum()), float(beyond.sum()), float(beyond.size)
+        return count, rate_at_most(count, beyond.size, bar.confidence)
     game, games = rows.game_of_plies()[found.places], len(rows.games)
     hits = np.bincount(game[beyond & (game >= 0)], minlength=games).astype(np.float64)
     trials = np.bincount(game[game >= 0], minlength=games).astype(np.float64)
-    return int(beyond.sum()), *clustered_rate(hits, trials)
-
-
-def bounds_beyond(found: Distribution, rows: CampaignRows, bar: float) -> tuple[int, RateBounds]:
-    """How many values exceed a bar, and within which bounds their share lies."""
-    count, hits, trials = share_beyond(found, rows, bar)
-    return count, rate_bounds(hits, trials)
+    return count, clustered_at_most(hits, trials, bar.confidence)
 
 
 def worst_game(found: Distribution, rows: CampaignRows) -> tuple[int, int | None]:
@@ -143,7 +147,7 @@ def product_bars(rows: CampaignRows) -> dict[str, tuple[ProductBar, ...]]:
 _LIMITS: Final[dict[str, Sequence[Callable[[Limits], ProductBar]]]] = {
     "torque": (
         lambda limits: _bar(limits.torque, "peak of the drives, {} N m"),
-        lambda limits: _bar(limits.rms_torque, "rated, on average, {} N m"),
+        lambda limits: _bar(limits.rms_torque, "rated, on average, {} N m", counted=False),
     ),
     "force": (
         lambda limits: _bar(limits.tactile, "lets go at {} N"),
@@ -152,13 +156,14 @@ _LIMITS: Final[dict[str, Sequence[Callable[[Limits], ProductBar]]]] = {
 }
 
 
-def _bar(value: float, says: str) -> ProductBar:
-    return ProductBar(value, says.format(number(value)))
+def _bar(value: float, says: str, *, counted: bool = True) -> ProductBar:
+    return ProductBar(value, says.format(number(value)), counted=counted)
 
 
 def _smallest_table(rows: CampaignRows) -> TableSettings:
-    """The table with the smallest squares that were drawn: a bar that holds for it holds for all."""
+    """The table with the smallest squares that were drawn, or those of all: a bar that holds for it holds for all."""
     squares = rows.games.numbers("drawn.rig.square")
-    if np.all(np.isnan(squares)):
-        return TableSettings()
-    return TableSettings(square=1e-3 * float(np.nanmin(squares)))
+    if not np.all(np.isnan(squares)):
+        return TableSettings(square=1e-3 * float(np.nanmin(squares)))
+    fixed = None if rows.kept is None else rows.kept.spec.fixed.get("rig.square")
+    return TableSettings() if fixed is None else TableSettings(square=1e-3 * float(fixed))

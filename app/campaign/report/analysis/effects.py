@@ -103,13 +103,15 @@ def paired_rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENC
     both, neither = int(np.sum(older & newer)), int(np.sum(~older & ~newer))
     only_old, only_new = int(np.sum(older & ~newer)), int(np.sum(newer & ~older))
     margins = (both + only_new) * (both + only_old) * (only_old + neither) * (only_new + neither)
-    cross = both * neither - only_old * only_new
+    cross = float(both * neither - only_old * only_new)
+    if cross > 0.0:  # Newcombe's correction: a correlation that may be chance does not narrow the interval
+        cross = max(0.0, cross - older.size / 2.0)
     alike = cross / math.sqrt(margins) if margins else 0.0
     return _newcombe(float(older.mean()), older.size, float(newer.mean()), newer.size, alike, confidence)
 
 
 def rate_change(older: Flags, newer: Flags, confidence: float = CONFIDENCE) -> EffectEstimate:
-    """The difference of two rates of different games, with Newcombe's interval (1998, method 10)."""
+    """The difference of two rates of different games, with Newcombe's interval of two samples (1998)."""
     return _newcombe(float(older.mean()), older.size, float(newer.mean()), newer.size, 0.0, confidence)
 
 

@@ -41,7 +41,8 @@ def _by_range(change: MetricChange, match: GameMatch) -> Sequence[Association]:
         return where_a_change_sits(change.older, change.newer, drawn_ranges(match.older, match.newer), change.sign)
     away = change.newer - change.older
     if change.metric.sort is MetricSort.RATE:
-        return explained(away * change.sign > 0.0, drawn_ranges(match.newer))
+        happened = np.where(np.isnan(away), np.nan, away * change.sign > 0.0)  # unknown is not unchanged
+        return explained(happened, drawn_ranges(match.newer))
     return explained(away, drawn_ranges(match.newer), change.sign)
 
 

@@ -20,7 +20,7 @@ OUTCOMES: Final[Mapping[TaskOutcome, str]] = {
     TaskOutcome.MENDED: "right, after something was mended or asked",
     TaskOutcome.UNMENDED: "ended early, and said so",
     TaskOutcome.WRONG: "silently wrong: the referee disagrees with what the program claims",
-    TaskOutcome.CRASHED: "crashed, or its worker died twice",
+    TaskOutcome.CRASHED: "crashed, or its worker died each time, the last time alone",
 }
 """How a game can end, and in words."""
 FAILED: Final = (TaskOutcome.UNMENDED, TaskOutcome.WRONG, TaskOutcome.CRASHED)
@@ -59,6 +59,11 @@ class Metric:
     outcomes: tuple[str, ...] = ()
     of_plies: bool = False
     kind: MoveKind | None = None
+
+    @property
+    def of_whole_games(self) -> bool:
+        """It grows with the number of plies: a count, or the largest value of a game."""
+        return self.sort is MetricSort.FIGURE and not self.of_plies
 
     def of_each_ply(self, rows: CampaignRows) -> Numbers:
         """The figure of each ply, shape (plies,); NaN where it says nothing about it."""

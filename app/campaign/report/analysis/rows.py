@@ -80,6 +80,11 @@ class CampaignRows:
     kept: KeptCampaign | None = None
 
     @property
+    def unfinished(self) -> bool:
+        """Games are still to come."""
+        return self.wanted is not None and self.wanted > len(self.games)
+
+    @property
     def seeds(self) -> NDArray[np.int64]:
         """Of the games, shape (games,)."""
         return self.games.numbers("seed").astype(np.int64)

@@ -24,6 +24,8 @@ SIGNIFICANT: Final = 1.0 - CONFIDENCE
 """A corrected p-value below this is called a difference."""
 _EXACT: Final = 60
 """Up to so many differing pairs the signed-rank test counts all signs; beyond, its normal limit errs by below 1 %."""
+_ENOUGH_GAMES_HIT: Final = 5
+"""With hits in fewer games, the variance between games says next to nothing."""
 _ENOUGH_FOR_MEANS: Final = 10
 """Games of which the average is about normal."""
 
@@ -49,26 +51,40 @@ def rate_at_most(hits: float, trials: float, confidence: float = CONFIDENCE) -> 
     return float(beta.ppf(confidence, hits + 1.0, trials - hits))
 
 
-def clustered_rate(hits: Numbers, trials: Numbers) -> tuple[float, float]:
-    """How many independent hits and trials those of plies are worth, which come in games (Korn and Graubard, 1998).
+def clustered_at_most(hits: Numbers, trials: Numbers, confidence: float = CONFIDENCE) -> float:
+    """The upper bound of a share of plies, which come in games and resemble each other there.
 
-    Plies of one game resemble each other, so that a thousand in 25 games say less than a thousand games would. The
-    variance between games says by how much: trials are divided by its ratio to the variance of independent plies.
+    It is never less than where no ply was hit: a share of games that so few do not show may be hit in every ply. With
+    hits in fewer than five games, which do not tell how games differ, it is the bound of the share of games, times the
+    largest share within one; with more, that of the independent plies that they are worth.
 
     Args:
         hits: of each game, shape (games,).
         trials: likewise.
-
-    Returns:
-        Hits and trials that ``rate_at_most`` takes.
+        confidence: of the bound.
     """
-    total, found = float(trials.sum()), float(hits.sum())
-    games = int(np.count_nonzero(trials))
-    if games < 2 or found in (0.0, total):
-        return found, total
+    hits, trials = hits[trials > 0.0], trials[trials > 0.0]
+    games, hit = trials.size, int(np.count_nonzero(hits))
+    unseen = rate_at_most(0, games, confidence)
+    if hit < _ENOUGH_GAMES_HIT:
+        largest = float(np.max(hits / trials, initial=0.0))
+        return max(unseen, rate_at_most(hit, games, confidence) * largest)
+    return max(unseen, rate_at_most(*_independent(hits, trials, confidence), confidence))
+
+
+def _independent(hits: Numbers, trials: Numbers, confidence: float) -> tuple[float, float]:
+    """How many independent hits and trials those of games are worth (Korn and Graubard, 1998).
+
+    The variance between games says by how much fewer: trials are divided by its ratio to the variance of independent
+    plies. That it is itself estimated, from so many games, is what Student's quantiles allow for.
+    """
+    total, found, games = float(trials.sum()), float(hits.sum()), trials.size
     rate = found / total
+    if rate >= 1.0:
+        return found, total
     spread = games / (games - 1.0) * float(np.sum((hits - rate * trials) ** 2)) / total**2
     effect = max(1.0, spread / (rate * (1.0 - rate) / total))
+    effect *= float((student.ppf(confidence, games - 1) / student.ppf(confidence, total - 1.0)) ** 2)
     return found / effect, total / effect
 
 

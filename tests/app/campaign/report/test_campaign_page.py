@@ -12,12 +12,18 @@ import pytest
 
 from app.campaign.environment import CampaignEnvironment
 from app.campaign.folder import KeptCampaign
+from app.campaign.report.analysis.distributions import ProductBar
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
+from app.campaign.report.charts import _uprights
 from app.campaign.report.findings import CampaignFindings, findings
 from app.campaign.report.gate import GateBars
 from app.campaign.report.page import MOST_FAILURES, campaign_page, repeat_command
+from app.campaign.report.sentences import all_sentences
 from app.campaign.report.summary import summary_json
+from app.campaign.report.wording import percent
 from app.campaign.spec import CampaignSpec
+from app.report.markup import joined
+from app.report.plot import PlotArea
 from tests.app.campaign.report.synthetic import Columns, campaign, captures_are_slower, dark_rooms_fail
 from tests.app.report.test_page import HOSTILE, Walk
 
@@ -51,7 +57,7 @@ def page(compared: CampaignFindings) -> Walk:
 def test_it_says_how_games_ended_with_bounds(compared: CampaignFindings, page: Walk) -> None:
     count = len(compared.failures)
     assert f"120 games, 4800 plies: {count} failed." in page.said("p")
-    assert "No game of 120 was silently wrong: at most 2.47 % do, with 95 % confidence." in page.said("p")
+    assert "No game of 120 was silently wrong: at most 2.47 % are, with 95 % confidence." in page.said("p")
     failed = next(rate for rate in compared.rates if rate.outcome == "failed")
     assert failed.bounds.low < count / 120 < failed.bounds.high
     assert str(count) in page.said("td")
@@ -74,6 +80,49 @@ def test_the_comparison_is_told_in_words_and_numbers(page: Walk) -> None:
     assert "It sits where randomisation.light_brightness is" in said
     assert "would have been seen with 80 % power" in said
     assert {"worse", "not found"} <= set(page.said("td"))
+
+
+def ended(outcomes: list[str], wanted: int | None = None) -> CampaignRows:
+    games = RowTable.of([{"seed": seed, "outcome": outcome} for seed, outcome in enumerate(outcomes)])
+    return CampaignRows("x", games, RowTable.of([], ["seed", "ply"]), wanted)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"), [(1, "1 of 12 games was silently wrong"), (2, "2 of 12 games were silently")]
+)
+def test_one_was_and_several_were(wrong: int, said: str) -> None:
+    found = findings(ended(["wrong"] * wrong + ["right"] * (12 - wrong)))
+    assert any(sentence.startswith(said) for sentence in all_sentences(found))
+
+
+def test_a_gate_says_that_games_are_still_to_come() -> None:
+    found = findings(ended(["right"] * 9, 100), None, GateBars.model_validate({"wrong": {"at_most": 0.5}}))
+    assert any(sentence.startswith("Held: so far, games silently wrong: 0 of 9") for sentence in all_sentences(found))
+    text = Walk(campaign_page(found)).text
+    assert "The one bar is held so far." in text
+    done = findings(ended(["right"] * 9, 9), None, GateBars.model_validate({"wrong": {"at_most": 0.5}}))
+    assert "so far" not in Walk(campaign_page(done)).text
+
+
+def test_where_a_change_sits_is_told_once_of_the_same_games() -> None:
+    """All that failed ended early: it is one change, and not two."""
+    found = findings(campaign(range(120), 2, dark_rooms_fail), campaign(range(120), 1))
+    assert found.comparison is not None
+    assert {"failed", "unmended"} <= {one.metric.key for one in found.comparison.found}
+    page = Walk(campaign_page(found))
+    assert [text for text in page.said("summary") if text.endswith(("that failed", "that ended early"))] == [
+        "Where it sits: games that ended early"
+    ]
+    assert "Change of games that failed by randomisation.light_brightness" not in page.text
+
+
+@pytest.mark.parametrize("bars", [(8.0, 8.4), (15.0, 15.0), (3.0, 3.1, 3.2, 12.0)])
+def test_names_of_near_bars_stand_beside_each_other(bars: tuple[float, ...]) -> None:
+    area = PlotArea((0.0, 5.0, 10.0, 15.0), (0.0, 1.0), left=60.0)
+    drawn = Walk(joined(_uprights(area, [ProductBar(value, "bar") for value in bars])))
+    at = [float(attributes["x"] or 0.0) for attributes in drawn.all("text")]
+    assert len(at) == len(bars)
+    assert all(after - before >= 13.0 for before, after in pairwise(at))
 
 
 def test_every_failure_has_its_reason_and_its_command(compared: CampaignFindings, page: Walk) -> None:
@@ -101,6 +150,29 @@ def test_a_smaller_square_is_a_nearer_bar() -> None:
     usual = findings(replace(rows, games=RowTable(games))).product_bars["placement"][0].value
     assert few == 45.0 / 4.0
     assert usual != few
+    campaign_file = kept("default", "abc").model_copy(update={"spec": CampaignSpec(draw={"rig.square": 55.0})})
+    plain = findings(replace(rows, games=RowTable(games), kept=campaign_file)).product_bars["placement"][0]
+    assert plain.value == pytest.approx(13.75)
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+def test_a_bar_has_one_bound_wherever_it_is_said(confidence: float) -> None:
+    asked = {"placement": {"quantile": 0.9, "at_most": 0.5, "confidence": confidence}}
+    found = findings(campaign(range(30), 1), None, GateBars.model_validate(asked))
+    (verdict,) = found.verdicts or ()
+    (bound,) = re.findall("at most [0-9.]+ % with [0-9]+ % confidence", verdict.sentence)
+    (cell,) = [text for text in Walk(campaign_page(found)).said("td") if "the gate: 90 % within 0.5" in text]
+    assert cell.endswith(bound)
+    told = json.loads(summary_json(found))["figures"]["placement"]["bars"][-1]
+    assert f"at most {percent(told['share_at_most'])} with {percent(told['confidence'])} confidence" == bound
+
+
+def test_peaks_of_plies_are_not_counted_beyond_a_bar_of_averages() -> None:
+    found = findings(campaign(range(5), 1))
+    page = Walk(campaign_page(found))
+    assert any(text.startswith("rated, on average") for text in page.said("text"))
+    assert not any("rated, on average" in text for text in page.said("td"))
+    assert len(json.loads(summary_json(found))["figures"]["torque"]["bars"]) == 1
 
 
 def test_every_chart_has_its_numbers_and_says_what_it_shows(page: Walk) -> None:

@@ -10,6 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app import UserError
+from app.campaign.environment import CampaignEnvironment
+from app.campaign.folder import KeptCampaign
 from app.campaign.report.analysis import comparing
 from app.campaign.report.analysis.comparing import matched, with_the_same_plies
 from app.campaign.report.analysis.explaining import explained
@@ -18,6 +21,8 @@ from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
 from app.campaign.report.findings import CampaignComparison, compared
 from app.campaign.report.sentences import comparison_lead, comparison_sentences
+from app.campaign.schema import TaskKind
+from app.campaign.spec import CampaignSpec
 from tests.app.campaign.report.synthetic import (
     Plant,
     blows_are_harder,
@@ -160,6 +165,51 @@ def test_rows_of_no_game_compare_to_nothing() -> None:
     comparison = compared(nothing, campaign(range(5), 1))
     assert comparison.changes == ()
     assert comparison_sentences(comparison)
+
+
+def test_a_pair_of_which_nothing_is_known_is_not_one_without_a_change() -> None:
+    """How many games were mended is counted among those that went right: those that failed stand in no group."""
+    older, newer = pair(1, True)
+    light = newer.games.numbers("drawn.randomisation.light_brightness")
+    ends = np.where(light > 1.2, "mended", np.where(light < 0.7, "crashed", "right")).astype(np.object_)
+    before = RowTable({**older.games.columns, "outcome": np.full(100, "right", dtype=np.object_)})
+    after = RowTable({**newer.games.columns, "outcome": ends})
+    comparison = compared(replace(older, games=before), replace(newer, games=after))
+    (change,) = [one for one in comparison.found if one.metric.key == "mended"]
+    assert {sum(group.games for group in one.groups) for one in change.where} == {int(np.sum(light >= 0.7))}
+
+
+def with_file(rows: CampaignRows, kind: TaskKind, **draw: object) -> CampaignRows:
+    environment = CampaignEnvironment(sources="abc", python="3", packages={}, engine="", files={}, threads={})
+    spec = CampaignSpec(kind=kind, draw={name.replace("_", "."): value for name, value in draw.items()})
+    return replace(rows, kept=KeptCampaign(games=len(rows.games), spec=spec, environment=environment))
+
+
+def test_games_are_not_compared_with_sessions() -> None:
+    older, newer = campaign(range(5), 1, name="old"), campaign(range(5), 2)
+    session = RowTable({**older.games.columns, "kind": np.full(5, "session", dtype=np.object_)})
+    for other in (with_file(older, TaskKind.SESSION), replace(older, games=session)):
+        with pytest.raises(UserError, match=r"'new' is .* kind game, and 'old' one of kind session: compare two of"):
+            compared(other, newer)
+
+
+def test_what_grows_with_games_is_not_compared_where_they_are_longer() -> None:
+    older, newer = campaign(range(30), 1, length=10), campaign(range(30), 2, blows_are_harder)
+    files = [with_file(rows, TaskKind.GAME, game_plies=plies) for rows, plies in ((older, 10), (newer, 40))]
+    comparison = compared(*files)
+    keys = {one.metric.key for one in comparison.changes} | {one.key for one in comparison.same}
+    assert not keys & {"repairs", "asked", "grips_lost", "placement_max_mm", "peak_force_N", "peak_torque_Nm"}
+    assert {"force", "failed"} <= keys
+    assert any("another number of plies" in sentence for sentence in comparison_lead(comparison))
+    assert "peak_force_N" in {one.metric.key for one in compared(older, newer).changes}
+
+
+def test_an_engine_that_is_none_has_a_word() -> None:
+    older = with_file(campaign(range(5), 1), TaskKind.GAME)
+    assert older.kept is not None
+    plays = older.kept.environment.model_copy(update={"engine": "Stockfish 15.1"})
+    newer = replace(older, kept=older.kept.model_copy(update={"environment": plays}))
+    assert compared(older, newer).differences == ("engine is Stockfish 15.1 instead of none",)
 
 
 # ----------------------------------------------------------------------------------------------- what explains failures

@@ -26,6 +26,13 @@ def test_shifts_by_hand() -> None:
     assert unpaired_shift(np.array([1.0, 2.0]), np.array([4.0, 8.0])).value == 4.5
 
 
+def test_newcombe_s_interval_of_pairs_is_that_of_his_method_10() -> None:
+    """Against an independent implementation; 3 pairs have both, 1 only the older, 6 only the newer."""
+    older, newer = np.repeat([1, 1, 0, 0], (3, 1, 6, 90)) > 0, np.repeat([1, 0, 1, 0], (3, 1, 6, 90)) > 0
+    found = paired_rate_change(older, newer)
+    assert found == pytest.approx((0.05, -0.0074, 0.1169), abs=5e-5)
+
+
 def pairs_of_one_game(rng: np.random.Generator) -> EffectEstimate:
     """Half of what fails in the newer one failed in the older one, too."""
     older = rng.random(100) < 0.1

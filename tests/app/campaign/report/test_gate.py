@@ -47,7 +47,8 @@ def test_of_more_games_some_may_fail() -> None:
     assert not missed.held
     assert "15 of 500, so at most 4.2" in missed.sentence
     assert "with 90 % confidence; the bar is 3 %" in missed.sentence
-    assert "without one" not in missed.sentence, "there are enough games"
+    assert "without one" not in missed.sentence
+    assert "without one" not in one_of("[failed]\nat_most = 0.005", outcomes(right=110, wrong=10)).sentence
 
 
 def test_nothing_can_show_that_something_never_happens() -> None:
@@ -65,6 +66,16 @@ def test_quantiles_are_judged_by_the_share_beyond_them() -> None:
     assert held.sentence.startswith("quiet plies, from home to home: 90 % of the plies are within 1.4")
     assert f"of {times.size} are beyond" in held.sentence
     assert held.sentence.endswith("the bar is 10 %")
+
+
+def test_plies_of_few_games_show_no_small_share() -> None:
+    """2000 plies of 50 games: two games of a hundred may be bad in each of theirs."""
+    verdict = one_of("[placement]\nquantile = 0.99\nat_most = 50", campaign(range(50), 1))
+    assert not verdict.held
+    assert verdict.sentence.endswith(
+        "0 of 2000 are beyond 50 mm, so at most 5.82 % with 95 % confidence; the bar is 1 %, which takes 299 games "
+        "without one"
+    )
 
 
 def test_counts_of_games_are_judged_likewise() -> None:
@@ -115,6 +126,8 @@ def test_a_campaign_holds_by_its_gate_alone_or_without_failures() -> None:
         ("[placement]\nquantile = 1.0\nat_most = 2.0", "placement.quantile: Input should be less than 1"),
         ("[placement]\nquantile = 0.9\nat_most = nan", "placement.at_most: Input should be a finite number"),
         ("", "asks for nothing"),
+        ("[duration]", "asks for nothing"),
+        ("[compare]\nnothing_worse = false", "asks for nothing"),
         ("[wrong", "is not valid TOML"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow
@@ -75,6 +76,34 @@ def test_what_is_no_campaign_is_said(tmp_path: Path) -> None:
         read_rows(tmp_path)
     (tmp_path / "games.parquet").write_bytes(b"no parquet")
     with pytest.raises(CampaignRowsError, match=r"games.parquet' cannot be read as Parquet: .*: make it again"):
+        read_rows(tmp_path)
+
+
+def table_of(rows: list[dict[str, Any]], file: Path) -> None:
+    parquet.write_table(pyarrow.Table.from_pylist(rows), file)
+
+
+def test_a_table_that_holds_something_else_is_named(tmp_path: Path) -> None:
+    """Without outcomes none would have failed."""
+    one = result(0)
+    plies = [ply.columns() for ply in one.plies]
+    table_of(plies, tmp_path / "games.parquet")
+    table_of(plies, tmp_path / "plies.parquet")
+    with pytest.raises(CampaignRowsError, match=r"games.parquet' has no column outcome"):
+        read_rows(tmp_path)
+    table_of([one.game.columns()], tmp_path / "games.parquet")
+    table_of([{name: value for name, value in ply.items() if name != "real_s"} for ply in plies],
+             tmp_path / "plies.parquet")  # fmt: skip
+    with pytest.raises(CampaignRowsError, match=r"plies.parquet' has no column real_s"):
+        read_rows(tmp_path)
+    table_of([one.game.columns() | {"repairs": [1, 2]}], tmp_path / "games.parquet")
+    with pytest.raises(CampaignRowsError, match=r"column repairs of list<.*, which is neither numbers nor words"):
+        read_rows(tmp_path)
+
+
+def test_a_table_that_is_missing_is_said_to_be(tmp_path: Path) -> None:
+    table_of([result(0).game.columns()], tmp_path / "games.parquet")
+    with pytest.raises(CampaignRowsError, match=r"plies.parquet' is missing"):
         read_rows(tmp_path)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from app.campaign.report.analysis.statistics import (
-    clustered_rate,
+    clustered_at_most,
     fisher,
     hits_needed,
     holm,
@@ -52,19 +52,37 @@ def test_bounds_hold_as_often_as_they_say(rate: float, trials: int) -> None:
     assert at_most >= 0.95
 
 
+@pytest.mark.parametrize(
+    ("games", "bad", "share"),
+    [(25, 0.04, 1.0), (100, 0.01, 1.0), (100, 0.02, 0.5), (1000, 0.002, 1.0), (100, 0.05, 1.0), (40, 0.5, 0.5)],
+)
+def test_bounds_of_plies_hold_where_few_games_are_bad(games: int, bad: float, share: float) -> None:
+    """A few games are bad in many of their 40 plies: as independent plies, 0 to 36 of 100 bounds would be too low."""
+    rng, trials = np.random.default_rng(6), np.full(games, 40.0)
+    hits = rng.binomial(40, np.where(rng.random((300, games)) < bad, share, 0.0)).astype(float)
+    missed = sum(clustered_at_most(one, trials) < bad * share for one in hits)
+    assert missed <= 0.06 * 300
+
+
 def test_plies_of_games_that_differ_count_as_fewer() -> None:
     """In half of the games half of the plies are late, else none: 40 games do not say what 1600 plies would."""
     trials, rng = np.full(40, 40.0), np.random.default_rng(1)
-    covered = {"plies": 0, "games": 0}
-    for _ in range(300):
-        hits = rng.binomial(40, np.where(rng.random(40) < 0.5, 0.5, 0.0)).astype(float)
-        covered["plies"] += rate_at_most(hits.sum(), trials.sum()) >= 0.25
-        covered["games"] += rate_at_most(*clustered_rate(hits, trials)) >= 0.25
-    assert covered["plies"] < 0.75 * 300, "this is what would be claimed"
-    assert covered["games"] >= 0.92 * 300
+    hits = rng.binomial(40, np.where(rng.random((300, 40)) < 0.5, 0.5, 0.0)).astype(float)
+    assert sum(rate_at_most(one.sum(), 1600) >= 0.25 for one in hits) < 0.8 * 300, "this is what would be claimed"
     alike = rng.binomial(40, 0.25, 40).astype(float)
-    assert clustered_rate(alike, trials)[1] > 0.5 * trials.sum()
-    assert clustered_rate(np.zeros(40), trials) == (0.0, 1600.0)
+    assert rate_at_most(alike.sum(), 1600) < clustered_at_most(alike, trials) < rate_at_most(alike.sum() / 2.0, 800)
+
+
+def test_bounds_of_plies_by_hand() -> None:
+    trials = np.full(120, 12.0)
+    unseen = 1.0 - 0.05 ** (1.0 / 120.0)
+    one, three = np.zeros(120), np.zeros(120)
+    one[5], three[:3] = 1.0, (6.0, 12.0, 3.0)
+    assert clustered_at_most(np.zeros(120), trials) == pytest.approx(unseen)
+    assert clustered_at_most(one, trials) == pytest.approx(unseen), "a hit more makes no bound lower"
+    assert clustered_at_most(three, trials) == pytest.approx(rate_at_most(3, 120))
+    assert clustered_at_most(trials, trials) == clustered_at_most(np.zeros(0), np.zeros(0)) == 1.0
+    assert clustered_at_most(np.zeros(120), trials, 0.9) == pytest.approx(1.0 - 0.1 ** (1.0 / 120.0))
 
 
 # ---------------------------------------------------------------------------------------------------------------- tests
