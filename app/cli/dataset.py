@@ -47,6 +47,8 @@ def dataset(
     sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
     if sides is None:
         fail(f"'--size {size}' is no size, say it as {_SIZE}")
+    if view is not None and _NONE in view and len(view) > 1:
+        fail(f"--view {_NONE} is said beside other views: leave it out, or them")
     views: dict[str, Any] = {} if view is None else {"views": tuple(one for one in view if one != _NONE)}
     try:
         wish = DatasetWish(
@@ -78,7 +80,7 @@ def _tell(report: DatasetReport, as_json: bool) -> None:
     for sentence in report.skipped:
         say(f"left out: {sentence}")
     if report.left_out:
-        say("left out: " + ", ".join(f"{number} plies that {why}" for why, number in report.left_out.items()))
+        say("left out: " + ", ".join(f"plies that {why}: {number}" for why, number in report.left_out.items()))
     say(
         f"{report.episodes} episodes of {report.games} games, {report.frames} frames, "
         f"{report.size_bytes / 1e6:.1f} MB, in {report.wall_s:.0f} s"
