@@ -102,10 +102,10 @@ class Clearing:
         return (
             self._push(pairs, misplaced, stands)
             or self._room(pairs, misplaced, stands)
-            or any(self._swing(one, misplaced, stands) for one in lying)
+            or any(self.swing(one, misplaced, stands) for one in lying)
         )
 
-    def _swing(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
+    def swing(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
         """Whether a piece that lies so that no push of all of it helps was pushed at its head, its middle or its foot:
         it turns, and lies otherwise.
         """

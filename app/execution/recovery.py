@@ -45,6 +45,8 @@ FRUITLESS: Final = 3
 """After so many looks at what a person should have put right, it says what it sees, and how to go on or leave."""
 MOST_TRIES: Final = 6
 """To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""
+SWUNG_AFTER: Final = 2
+"""Each time that it did not come up so often, it is pushed first, so that it lies otherwise."""
 FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
 
@@ -77,6 +79,8 @@ class Recovery:
         self._record, self._ui, self._clock, self._mending = record, ui, clock, mending
         self._tried = Counter[str]()
         """How often a piece could not be stood up."""
+        self._swung = Counter[str]()
+        """How often one of these was pushed, so that it lies otherwise."""
         self._stood_up: set[str] = set()
         """Pieces that the arm has stood up since it began."""
         self._asked = 0
@@ -122,6 +126,7 @@ class Recovery:
         self._straightened.clear()
         self._clearing.begin()
         self._tried.clear()
+        self._swung.clear()
         try:
             return self._mend(stands, wanted, board, reply)
         finally:
@@ -255,8 +260,8 @@ class Recovery:
             if self._tried[one.piece.name] >= MOST_TRIES:
                 refusals.append((one.piece.name, PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")))
                 continue
-            if self._tried[one.piece.name] and (away := self._clearing.prop(one, step.misplaced, stands)) is not None:
-                return stands, 0.0, away
+            if away := self._eased(one, step.misplaced, stands):
+                return stands, 0.0, None if away is True else away
             self._ui.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
             self.observer.forget_likeness()
@@ -280,6 +285,21 @@ class Recovery:
         one = next(one for one in step.misplaced if one.piece.name == name)
         lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {_where(one, table)}"
         return stands, 0.0, cleared or Ask(f"{lies}, and {why}: stand it on {one.target}", squares_of(faults))
+
+    def _eased(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | bool:
+        """What helps a piece that did not come up: what it leans on goes first, or it is pushed, and lies otherwise.
+
+        Returns:
+            What the arm is to carry; True: the board wants another look; False: nothing, it is tried as it lies.
+        """
+        name = one.piece.name
+        if not self._tried[name]:
+            return False
+        away = self._clearing.prop(one, misplaced, stands)
+        if away is not None or self._tried[name] // SWUNG_AFTER <= self._swung[name]:
+            return away or False
+        self._swung[name] += 1
+        return self._clearing.swing(one, misplaced, stands)
 
     def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], and what has to be done
@@ -330,6 +350,7 @@ class Recovery:
         self.observer.forget_likeness()
         self.observer.tell(told)
         self._tried.clear()
+        self._swung.clear()
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
