@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.bench.beds.bed import Bed
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.motion import PROFILES, Profile
+from app.motion.fallen.lying import Lying
+from app.motion.fallen.stand_up import plan_upright
 from app.motion.gain_schedule import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
 from controller.protocol.states import State
 from hardware.parameters import load_parameters
+from hardware.piece_set import Kind
 from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
@@ -66,3 +71,18 @@ def test_a_touch_that_does_not_come_is_no_touch() -> None:
     samples = way(start, start + np.array([0.0, 0.0, 0.030]), 0.20)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
     assert bed.execute(samples).result is Result.DONE
+
+
+@pytest.mark.parametrize("profile", [Profile.DEFAULT, Profile.FAST, Profile.SEPARATION])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_end_of_a_fast_way_down_is_no_touch(profile: Profile, seed: int) -> None:
+    """Where nothing lies, the fingers go down to the end, also of robots far from what the controller believes."""
+    rng, settings = np.random.default_rng([seed, 0x70C]), PROFILES[profile]
+    flaws = Flaws(Imperfections(torque_ripple=0.04, cogging=0.02, friction=0.6, encoder_noise=1.5e-6), seed)
+    bed = Bed(plant_of((), TABLE, settings, flaws), TABLE, settings)
+    for _ in range(3):
+        x, y = rng.uniform((-0.16, -0.19), (0.16, 0.19)).tolist()
+        lying = Lying(Kind.ROOK, (x, y), float(rng.uniform(-np.pi, np.pi)), "rook")
+        down, *_ = plan_upright(bed.planner(), lying, (), ()).plan.motions
+        assert bed.execute(down.samples).result is Result.DONE
+        bed.execute_plan(bed.planner().home(Kind.ROOK))
