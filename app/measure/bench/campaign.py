@@ -23,8 +23,8 @@ from app.measure.bench.report import BenchReport, Progress, row
 
 TASKS: Final = {True: 1000, False: 10000}
 """By ``quick``."""
-SECONDS: Final = {True: 0.05, False: 0.2}  # of a stub
-FOR_EACH: Final = {True: 20, False: 60}  # stubs for each worker
+SECONDS: Final = {True: 0.05, False: 1.0}  # of a stub; a game takes twenty times as long
+FOR_EACH: Final = {True: 20, False: 30}  # stubs for each worker; one of its processes ends and another begins meanwhile
 WORKERS: Final = (1, 2, 4)
 GAMES: Final = 100  # of the campaign in which workers die
 KILLS: Final = 10
