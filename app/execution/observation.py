@@ -14,7 +14,7 @@ from typing import Final
 import chess
 
 from app.execution.board_view import Reading, find_view, look_shown
-from app.execution.repair import BoardObservation, Whereabouts, exchanged, refuted, toppled, whereabouts
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, known_better, toppled, whereabouts
 from app.execution.repair.behind import behind_another
 from app.execution.repair.observed import HEIGHTS, kinds_on_squares, on_board, shown_position
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices, Told
@@ -217,8 +217,8 @@ class GameObserver:
             and math.dist(self._likeness[square][2], examined.centres[square]) < SHIFTED
         )  # fmt: skip
         if examined.faults and self.deep:
-            wrong = refuted(examined.faults, stands, self._sightings(stands), self._heights())
-            examined = replace(examined, faults=tuple(fault for fault in examined.faults if fault not in wrong))
+            faults = known_better(examined.faults, stands, self._sightings(stands), self._heights())
+            examined = replace(examined, faults=faults)
         return examined
 
     def remember(self, stands: Inventory) -> None:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from hardware.interfaces import Frame
-from hardware.table import PieceSpec, square_place
+from hardware.table import PieceSpec, TableSettings, square_place
 from vision.arrays import Array, Mask
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of, on_squares
@@ -123,13 +123,17 @@ def _judge(
             sentence = f"something lies on {where}, where a {name} should stand"
             return Fault(FaultKind.FALLEN, square, sentence, spots[square])
         return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None)
-    x, y = view.table.xy(where)
-    dx, dy = centre.x - x, centre.y - y
-    off = math.hypot(dx, dy)
-    if off <= tolerance:
-        return None
-    sentence = f"the {name} on {where} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
-    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y))
+    place = centre.x, centre.y
+    return None if math.dist(view.table.xy(where), place) <= tolerance else off_centre(square, piece, view.table, place)
+
+
+def off_centre(square: int, piece: PieceSpec, table: TableSettings, place: tuple[float, float]) -> Fault:
+    """A piece of a square stands at a place of the board frame (x, y) [m]."""
+    x, y = table.xy(square_place(square))
+    dx, dy = place[0] - x, place[1] - y
+    name, off = f"{piece.colour} {piece.kind} on {square_place(square)}", math.hypot(dx, dy)
+    sentence = f"the {name} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
+    return Fault(FaultKind.OFF_CENTRE, square, sentence, place)
 
 
 def _direction(dx: float, dy: float) -> str:

@@ -6,11 +6,32 @@ moves would look the same, ``diagnosis`` says what the arm does and what a perso
 moves.
 """
 
-from app.execution.repair.by_sight import Whereabouts, exchanged, placed, refuted, repair_by_sight, toppled, whereabouts
+from app.execution.repair.by_sight import (
+    Whereabouts,
+    exchanged,
+    known_better,
+    placed,
+    refuted,
+    repair_by_sight,
+    toppled,
+    whereabouts,
+)
 from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
 from app.execution.repair.observed import BoardObservation, kinds_by_height
 
 __all__ = [
-    "Ask", "BoardObservation", "Repair", "Whereabouts", "exchanged", "kinds_by_height", "mend", "placed",
-    "refuted", "repair_by_sight", "repair_towards", "toppled", "whereabouts",
+    "Ask",
+    "BoardObservation",
+    "Repair",
+    "Whereabouts",
+    "exchanged",
+    "kinds_by_height",
+    "known_better",
+    "mend",
+    "placed",
+    "refuted",
+    "repair_by_sight",
+    "repair_towards",
+    "toppled",
+    "whereabouts",
 ]  # fmt: skip

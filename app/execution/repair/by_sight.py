@@ -28,7 +28,7 @@ from app.pieces.order import Point, rearrange
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind, Look
 from hardware.table import PieceSpec, Place, square_place
 from vision.arrays import cheapest_pairs
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.verify import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, kind_cost
 
 _HOME: Final = 0.016
@@ -220,8 +220,8 @@ def refuted(
     """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
 
     A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and not of
-    the other side; or it is said to stand off its centre, and what stands there is nearer to that. ``before`` are
-    heights as of ``whereabouts`` [m].
+    the other side; or it is said to stand off its centre, and what stands there is near to that, and nearer.
+    ``before`` are heights as of ``whereabouts`` [m].
     """
     heights = _heights(stands, seen.all, before)
 
@@ -232,13 +232,37 @@ def refuted(
             return False
         one, off = near[0], math.dist((near[0].x, near[0].y), at)
         if fault.kind is FaultKind.OFF_CENTRE:
-            return fault.place is not None and off < math.dist((one.x, one.y), fault.place)
+            return fault.place is not None and off <= _CENTRED and off < math.dist((one.x, one.y), fault.place)
         costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
         mine = one.white if piece.colour is Colour.WHITE else -one.white
         return off <= _CENTRED and mine > -_UNDECIDED and costs[piece.kind] - min(costs.values()) < SURE
 
     pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
     return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))
+
+
+def known_better(
+    faults: Iterable[Fault], stands: Inventory, seen: Sightings, before: Mapping[Kind, float] = HEIGHTS
+) -> tuple[Fault, ...]:
+    """Faults as depth knows them: without those that it refutes, and what is off its centre, and far from where its
+    outline seems to be, where depth shows it: of what stands behind another piece the outline is half a guess.
+
+    ``before`` as of ``refuted``.
+    """
+    faults = tuple(faults)
+    wrong = refuted(faults, stands, seen, before)
+
+    def known(fault: Fault) -> Fault:
+        piece = stands.at(square_place(fault.square))
+        if fault.kind is not FaultKind.OFF_CENTRE or fault.place is None or piece is None:
+            return fault
+        at = stands.table.xy(piece.place)
+        near = [(one.x, one.y) for one in seen.all if one.upright and math.dist((one.x, one.y), at) < _ABOUT]
+        if len(near) != 1 or math.dist(near[0], fault.place) <= _CENTRED:
+            return fault
+        return off_centre(fault.square, piece, stands.table, near[0])
+
+    return tuple(known(fault) for fault in faults if fault not in wrong)
 
 
 def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:

@@ -11,12 +11,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.execution.repair import Ask, Repair, Whereabouts, exchanged, refuted, repair_by_sight, toppled, whereabouts
+from app.execution.repair import (
+    Ask,
+    Repair,
+    Whereabouts,
+    exchanged,
+    known_better,
+    refuted,
+    repair_by_sight,
+    toppled,
+    whereabouts,
+)
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Colour
 from hardware.table import PieceSpec, Place, TableSettings, square_place
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.verify import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()
@@ -268,6 +278,24 @@ def test_an_outline_off_its_square_counts_unless_depth_sees_the_piece_nearer_to_
     assert counts(), "depth says nothing of it"
     assert not counts(sighted(KNIGHT, at))
     assert not counts(sighted(KNIGHT, (at[0] + 0.002, at[1] - 0.003)))
+
+
+def test_where_outline_and_depth_disagree_about_a_piece_off_its_square_it_is_where_depth_shows_it() -> None:
+    """A knight 16 mm off its square, half behind a pawn, was taken for centred, or would have been sought elsewhere."""
+    at, rest = TABLE.xy(KNIGHT.place), shown({}, gone=frozenset({KNIGHT.name})).all
+    fault = off_centre(KNIGHT.place.index, KNIGHT, TABLE, (at[0] - 0.0106, at[1] + 0.0115))
+
+    def known(*there: tuple[float, float]) -> tuple[Fault, ...]:
+        seen = Sightings((*rest, *(sighted(KNIGHT, place) for place in there)), frozenset())
+        return known_better((fault,), START, seen)
+
+    stands = at[0] - 0.0137, at[1] - 0.0074
+    (found,) = known(stands)
+    assert (found.kind, found.place) == (FaultKind.OFF_CENTRE, stands)
+    assert found.sentence == "the white knight on b1 stands 15.6 mm off towards a and 1"
+    assert known((at[0] - 0.0096, at[1] + 0.0125)) == (fault,), "they agree: the outline is the more exact"
+    assert known() == (fault,), "depth says nothing of it"
+    assert known(at) == (), "depth sees it centred"
 
 
 @pytest.mark.parametrize("noise", [0.0002, -0.0002, 0.0])
