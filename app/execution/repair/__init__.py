@@ -20,18 +20,6 @@ from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
 from app.execution.repair.observed import BoardObservation, kinds_by_height
 
 __all__ = [
-    "Ask",
-    "BoardObservation",
-    "Repair",
-    "Whereabouts",
-    "exchanged",
-    "kinds_by_height",
-    "known_better",
-    "mend",
-    "placed",
-    "refuted",
-    "repair_by_sight",
-    "repair_towards",
-    "toppled",
-    "whereabouts",
+    "Ask", "BoardObservation", "Repair", "Whereabouts", "exchanged", "kinds_by_height", "known_better", "mend",
+    "placed", "refuted", "repair_by_sight", "repair_towards", "toppled", "whereabouts",
 ]  # fmt: skip
