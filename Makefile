@@ -19,6 +19,9 @@ WORKERS ?= $(shell expr 2 '*' $$(nproc))
 # and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
+# Files with tests that have to be punctual: the second pass need not read all others anew. ARGS may name its own.
+PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
+
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
 .PHONY: ready demo test nightly check clean constraints coverage vendor
@@ -34,7 +37,7 @@ test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; wait
 	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
-	@$(PYTEST) -m real_time $(ARGS) || [ $$? -eq 5 ]
+	@$(PYTEST) -m real_time $(ARGS) $(PUNCTUAL) || [ $$? -eq 5 ]
 
 nightly:
 	@bash .ci/setup dev

@@ -121,11 +121,15 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+def files() -> dict[str, Path]:
+    """Source file of every module of the program."""
+    return {module_name(path): path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))}
+
+
 @cache
 def sources() -> dict[str, ast.Module]:
     """Syntax tree of every module of the program."""
-    paths = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
-    return {module_name(path): ast.parse(path.read_text(encoding="utf-8"), str(path)) for path in paths}
+    return {name: ast.parse(path.read_text(encoding="utf-8"), str(path)) for name, path in files().items()}
 
 
 def below(module: str, *names: str) -> bool:
@@ -231,7 +235,7 @@ RUNS_WHAT_IT_IS_TOLD = "hardware.sim.emulated.ethercat.enter_namespace"
 """Runs any module, named on its command line, and knows none."""
 
 
-@pytest.mark.parametrize("module", sorted(set(sources()) - {RUNS_WHAT_IT_IS_TOLD}))
+@pytest.mark.parametrize("module", sorted(set(files()) - {RUNS_WHAT_IT_IS_TOLD}))
 def test_nothing_is_imported_behind_the_walks_back(module: str) -> None:
     names = {node.id for node in ast.walk(sources()[module]) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(sources()[module]) if isinstance(node, ast.Attribute)}
@@ -354,7 +358,7 @@ def test_few_know_the_truth() -> None:
     assert {one.importer for one in all_imports() if below(one.imported, *doors)} == set(KNOW_THE_TRUTH)
 
 
-@pytest.mark.parametrize("module", sorted(name for name in sources() if below(name, *CHOOSERS)))
+@pytest.mark.parametrize("module", sorted(name for name in files() if below(name, *CHOOSERS)))
 def test_what_chooses_never_sees_the_truth(module: str) -> None:
     """Neither the referee nor anything else of the simulation is reached, by no number of steps."""
     came = reached_from(module)
