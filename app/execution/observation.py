@@ -267,12 +267,12 @@ class GameObserver:
         expected = {piece.place: piece for piece in stands if not piece.place.in_box}
         return sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
 
-    def faults(self, stands: Inventory, *, centres: bool, exchanges: bool = True) -> tuple[Fault, ...]:
+    def faults(self, stands: Inventory, *, beyond: float, exchanges: bool = True) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
 
         Args:
             stands: what should stand where.
-            centres: pieces that stand, but off the centres of their squares, count as well.
+            beyond: pieces that stand, but further off the centres of their squares, count as well [m].
             exchanges: so do pieces that look alike and stand on each other's squares.
         """
         if not self.deep:
@@ -282,7 +282,7 @@ class GameObserver:
         faults += tuple(fault for fault in self._examine(stands).faults if fault.square not in low)
         if exchanges and not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
             faults = tuple(exchanged(stands, seen))
-        return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
+        return tuple(fault for fault in faults if fault.astray(stands.table) >= beyond)
 
     def forget_likeness(self) -> None:
         """Pieces were touched: how they looked before says nothing any more, nor what a person has said of them."""

@@ -6,6 +6,7 @@ should be is put right first, by the arm where it can, else by a person who is a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from app.execution.carrier import Begun, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, goal_of
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply
-from app.pieces.judging import Verdict, judge
+from app.pieces.judging import Verdict, judge, most_off_centre
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
 from app.pieces.position import set_up
@@ -162,18 +163,22 @@ class Table:
 
     def disturbed(self, *, centres: bool) -> tuple[Fault, ...]:
         """What the newest frame shows to be wrong although the position is the same; as ``GameObserver.faults``."""
-        return () if self.observer is None else self.observer.faults(self.inventory, centres=centres)
+        beyond = 0.0 if centres else math.inf
+        return () if self.observer is None else self.observer.faults(self.inventory, beyond=beyond)
 
-    def toppled(self, move: chess.Move) -> tuple[Fault, ...]:
+    def badly_set(self, move: chess.Move, *, said: bool) -> tuple[Fault, ...]:
         """What the newest frame shows to be wrong with the pieces that this move would have set down.
 
-        A piece that was knocked over and lies on another square looks like a move; with depth it does not stand.
+        A piece that was knocked over and lies on another square looks like a move; with depth it does not stand. One
+        that was left half way to the next square often looks like one, too: unless they ``said`` that it is theirs.
         """
         if self.observer is None:
             return ()
         ply = transfers(self.board, move, self.inventory)
+        after = self.inventory.after(ply)
         squares = {one.target.index for one in ply.transfers if one.target.on_board}
-        faults = self.observer.faults(self.inventory.after(ply), centres=False, exchanges=False)
+        beyond = math.inf if said else most_off_centre(after.table)
+        faults = self.observer.faults(after, beyond=beyond, exchanges=False)
         return tuple(fault for fault in faults if fault.square in squares)
 
     def shows_after(self, move: chess.Move) -> bool:

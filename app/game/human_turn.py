@@ -317,7 +317,7 @@ class HumanTurn:
         sure = decision.verdict is ReadingOutcome.MOVE
         if sure or finding.situation is Situation.LEGAL:
             move = decision.moves[0]
-            if faults := self._table.toppled(move):
+            if faults := self._table.badly_set(move, said=said == move):
                 self._complaints.of_faults(faults)
                 return None
             if not (sure or (move.promotion is None and self._table.shows_after(move))):

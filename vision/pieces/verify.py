@@ -51,6 +51,12 @@ class Fault:
     sentence: str  # for people
     place: tuple[float, float] | None  # of the piece or the thing, board frame [m]; None where nothing is there
 
+    def astray(self, table: TableSettings) -> float:
+        """How far off the centre of its square the piece stands [m]; infinite where something else is wrong."""
+        if self.kind is not FaultKind.OFF_CENTRE or self.place is None:
+            return math.inf
+        return math.dist(self.place, table.xy(square_place(self.square)))
+
 
 @dataclass(frozen=True, slots=True)
 class Examination:

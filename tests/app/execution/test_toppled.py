@@ -1,11 +1,14 @@
-"""A piece that a hand has knocked over is noticed, and what lies on another square is no move."""
+"""A piece that a hand has knocked over is noticed; what lies on another square, or stands half on it, is no move."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, cast
 
 import chess
+import numpy as np
 import pytest
 
 from app.execution.observation import GameObserver
@@ -13,12 +16,13 @@ from app.execution.state import Devices
 from app.measure.bench.vision.actions import ClumsyHands
 from app.measure.bench.vision.games import Scene, open_studio, random_game
 from app.pieces.inventory import Inventory
+from app.pieces.judging import most_off_centre
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame
 from hardware.sim.process.table_studio import TableStudio
-from hardware.table import TableSettings
+from hardware.table import TableSettings, square_place
 from vision.pieces.verify import FaultKind
 from vision.reading.outcome import ReadingOutcome
 
@@ -68,7 +72,7 @@ def table_after(
 def test_a_knocked_piece_is_a_fault_and_a_legal_move_none(studio: TableStudio, seed: int) -> None:
     board, stands, observer, still, scene = table_after(studio, seed, 2 * (seed % 9))
     observer.read()
-    assert observer.faults(stands, centres=False) == ()
+    assert observer.faults(stands, beyond=math.inf) == ()
     move = scene.rng.choice(list(board.legal_moves))
     after = board.copy()
     after.push(move)
@@ -76,10 +80,33 @@ def test_a_knocked_piece_is_a_fault_and_a_legal_move_none(studio: TableStudio, s
     reading = observer.read()
     assert (reading.decision.verdict, reading.decision.moves) == (ReadingOutcome.MOVE, (move,))
     ply = transfers(board, move, stands)
-    assert observer.faults(stands.after(ply), centres=False) == (), "what was moved stands"
+    assert observer.faults(stands.after(ply), beyond=math.inf) == (), "what was moved stands"
     hands = ClumsyHands(scene.table, TABLE, after, scene.rng)
     hands.knock(move.to_square)
     still.shown = scene.photograph(hands.poses)
     observer.read()
-    kinds = {fault.kind for fault in observer.faults(stands.after(ply), centres=False)}
+    kinds = {fault.kind for fault in observer.faults(stands.after(ply), beyond=math.inf)}
     assert kinds & {FaultKind.FALLEN, FaultKind.MISSING, FaultKind.FOREIGN}
+
+
+@pytest.mark.parametrize("seed", [4201, 4204, 4208])
+def test_a_piece_left_half_way_is_a_fault_however_much_it_looks_like_a_move(studio: TableStudio, seed: int) -> None:
+    board, stands, observer, still, scene = table_after(studio, seed, 2 * (seed % 9))
+    move = scene.rng.choice([one for one in board.legal_moves if not board.is_capture(one) and one.promotion is None])
+    standing, after = stands.after(transfers(board, move, stands)), board.copy()
+    after.push(move)
+    scene.picture(after)
+    hands = ClumsyHands(scene.table, TABLE, after, scene.rng)
+    name, (x, y) = hands.name(move.to_square), TABLE.xy(square_place(move.to_square))
+    along = np.array(scene.rng.choice([(0, 1), (1, 0), (0, -1), (-1, 0)])) * TABLE.square
+
+    def badly_set(share: float) -> bool:
+        """Moved, and left by so many squares towards the next one."""
+        dx, dy = share * along
+        still.shown = scene.photograph({**hands.poses, name: replace(hands.poses[name], x=x + dx, y=y + dy)})
+        observer.read()
+        faults = observer.faults(standing, beyond=most_off_centre(TABLE), exchanges=False)
+        return move.to_square in {fault.square for fault in faults}
+
+    assert badly_set(scene.rng.uniform(0.35, 0.5))
+    assert not badly_set(scene.rng.uniform(0.0, 0.2)), "as people do"
