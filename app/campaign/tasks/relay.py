@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import selectors
+import select
 import socket
 import threading
 from contextlib import suppress
@@ -17,12 +17,15 @@ from controller.settings import CONTROLLER_FILE, LOOPBACK
 
 _GLANCE: Final = 0.2
 """So often it looks whether it shall end [s, wall]."""
+_IP_RECVERR: Final = 11
+"""Linux: what the network says of a datagram that could not be delivered is kept for who asks (``man 7 ip``)."""
 
 
 class LossyRelay:
     """Forwards datagrams between one client at a time and the controller of a run directory, and loses a share of them.
 
-    Which of them, counted each way, the seed decides. A context manager.
+    Which of them, counted each way, the seed decides. Each client has a port of its own towards the controller, closed when
+    the client's is: as without a relay, the controller sees at once that a program was killed. A context manager.
 
     Args:
         run_dir: in which the controller says where it is, once it is there, and anew where another one follows it.
@@ -38,6 +41,7 @@ class LossyRelay:
         self._file, self._loss = run_dir / CONTROLLER_FILE, loss
         self._rngs = {way: np.random.default_rng([seed, 9, way]) for way in (0, 1)}
         self._front = _bound()
+        self._front.setsockopt(socket.SOL_IP, _IP_RECVERR, 1)
         self._back = _bound()
         self.port = int(self._front.getsockname()[1])
         self.lost = 0
@@ -56,13 +60,29 @@ class LossyRelay:
         self._thread.join()
 
     def _forward(self) -> None:
-        with self._front, self._back, selectors.DefaultSelector() as selector:
-            selector.register(self._front, selectors.EVENT_READ, 0)
-            selector.register(self._back, selectors.EVENT_READ, 1)
+        poll = select.poll()
+        poll.register(self._front, select.POLLIN)
+        try:
             while not self._ending:
-                for key, _ in selector.select(_GLANCE):
-                    with suppress(ConnectionRefusedError):  # nobody there: who has sent it repeats it
-                        self._pass(key.data)
+                poll.register(self._back, select.POLLIN)
+                for number, _ in poll.poll(1e3 * _GLANCE):
+                    with suppress(ConnectionRefusedError, BlockingIOError):  # nobody there: who has sent it repeats it
+                        self._pass(0 if number == self._front.fileno() else 1)
+                if self._is_gone():
+                    poll.unregister(self._back)
+                    self._back.close()
+                    self._back, self._client = _bound(), None
+        finally:
+            self._front.close()
+            self._back.close()
+
+    def _is_gone(self) -> bool:
+        """Whether the client's port is closed."""
+        gone = False
+        with suppress(BlockingIOError):
+            while True:
+                gone |= self._front.recvmsg(1, 0, socket.MSG_ERRQUEUE)[3] == self._client
+        return gone
 
     def _pass(self, way: int) -> None:
         """One datagram: 0 to the controller, 1 to the client."""
@@ -91,4 +111,5 @@ class LossyRelay:
 def _bound() -> socket.socket:
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.bind((LOOPBACK, 0))
+    made.setblocking(False)
     return made

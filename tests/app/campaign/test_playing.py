@@ -194,3 +194,29 @@ def test_a_scripted_person_leaves_when_the_game_is_over(said: str, monkeypatch: 
     assert answers == ["look", "quit", "quit"]
     assert person.mishaps == []
     assert sum(person.acts.values()) == 1
+
+
+def test_the_controller_sees_through_a_bad_link_that_a_program_was_killed(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        end.settimeout(5.0)
+        (tmp_path / CONTROLLER_FILE).write_text(json.dumps({"host": "127.0.0.1", "port": end.getsockname()[1]}))
+        with LossyRelay(tmp_path, 0.3, 5) as relay:
+
+            def heard_of(name: bytes) -> tuple[str, int]:
+                """Where a new client is to the controller, which sends until it is heard, and is killed."""
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+                    client.connect(("127.0.0.1", relay.port))
+                    for _ in range(40):
+                        client.send(name)
+                    while (heard := end.recvfrom(99))[0] != name:
+                        pass
+                    return heard[1]
+
+            first = heard_of(b"first")
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own, pytest.raises(ConnectionRefusedError):
+                own.connect(first)
+                for _ in range(500):
+                    own.send(b"telemetry")
+                    time.sleep(0.01)
+            heard_of(b"second")
