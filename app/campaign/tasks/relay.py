@@ -24,8 +24,8 @@ _IP_RECVERR: Final = 11
 class LossyRelay:
     """Forwards datagrams between one client at a time and the controller of a run directory, and loses a share of them.
 
-    Which of them, counted each way, the seed decides. Each client has a port of its own towards the controller, closed when
-    the client's is: as without a relay, the controller sees at once that a program was killed. A context manager.
+    Which of them, counted each way, the seed decides. Each client has a port of its own towards the controller, closed
+    when the client's is: as without a relay, the controller sees at once that a program was killed. A context manager.
 
     Args:
         run_dir: in which the controller says where it is, once it is there, and anew where another one follows it.
