@@ -61,6 +61,10 @@ class ControllerSettings(BaseModel):
     compliant_damping: PositiveFloat = 40.0
     """k_v of each axis in compliant mode [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that
     pushes it away at 0.1 m/s feels 4 N."""
+    fence_stiffness: PositiveFloat = 3600.0
+    """k_p of each axis in compliant mode outside the workspace: ω = 60 rad/s [1/s²] …"""
+    fence_stretch: PositiveFloat = 0.010
+    """… times no more than this: 39 N at 1.08 kg, what a person in passing does not push away [m]."""
     compliant_ticks: PositiveInt = 227
     """Compliant mode lasts at least so long [ticks]: 0.2 s."""
     compliant_speed: PositiveFloat = 0.01

@@ -75,6 +75,8 @@ def _within_torque(cell: Workcell, label: str, route: Route) -> tuple[Route, Tim
         peak, still = cell.torque.peak(done.motion)
         if peak <= limit:
             return route, done
+        if still >= limit:  # however slowly
+            break
         share = 0.98 * max(limit - still, 0.1 * limit) / (peak - still)
         route = replace(route, bounds=tuple(bounds.scaled(share) for bounds in route.bounds))
     raise PlanRefused(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from controller.loop.memory import MARKED, TickMemory
 from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
 from controller.protection.stopping import StopPath, plan_stop
 from controller.settings import ControllerSettings
+from hardware.interfaces import Triple
 
 _RATES = slice(3, 9)
 
@@ -69,11 +72,23 @@ class Reference:
         np.maximum(self.row[DAMPING], self._settings.stop_damping, out=self.row[DAMPING])
         self.finger_velocity = min(0.0, self.finger_velocity)
 
-    def comply_at(self, position: list[float]) -> None:
-        """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`."""
+    def comply_at(self, position: list[float], inside: Triple) -> None:
+        """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`.
+
+        Outside the workspace a spring of limited force pulls the tool back: who pushes it on shall not come to a pose
+        in which the arm cannot be controlled.
+
+        Args:
+            position: of the tool [m].
+            inside: the nearest point of the workspace [m].
+        """
+        settings = self._settings
+        off = math.dist(position, inside)
+        share = min(1.0, settings.fence_stretch / off) if off > 0.0 else 0.0
         self.row[:] = 0.0
-        self.row[POSITION] = position
-        self.row[DAMPING] = self._settings.compliant_damping
+        self.row[POSITION] = [at + share * (to - at) for at, to in zip(position, inside, strict=True)]
+        self.row[STIFFNESS] = settings.fence_stiffness if off > 0.0 else 0.0
+        self.row[DAMPING] = settings.compliant_damping
         self.finger_velocity = min(0.0, self.finger_velocity)
         self._stop = None
 

@@ -140,7 +140,7 @@ class StateMachine:
         self._drop(cause)
         self._compliant_ticks = 1
         self._admission.admitting = False
-        self._reference.comply_at(self._law.state.position.tolist())
+        self._give_way_at(self._law.state.position.tolist())
         self.enter(Event.COMPLIANT)
 
     def _drop(self, cause: Violation) -> None:
@@ -166,11 +166,14 @@ class StateMachine:
         """Until the tool rests, but not for too short a time; then hold softly where it is."""
         self._compliant_ticks += 1
         position, speed = self._law.state.position.tolist(), math.hypot(*self._law.state.velocity.tolist())
-        self._reference.comply_at(position)
+        self._give_way_at(position)
         if self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed:
             self._compliant_ticks = 0
             self._reference.rest_softly(position)
             self._come_to_rest()
+
+    def _give_way_at(self, position: list[float]) -> None:
+        self._reference.comply_at(position, self._protection.nearest_inside(position))
 
     def _come_to_rest(self) -> None:
         self.enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)

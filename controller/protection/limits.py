@@ -343,6 +343,16 @@ def axis_beyond(position: list[float], limits: Limits) -> float:
     return max(abs(x - a) - p, abs(y - b) - q, abs(z - c) - r) + 0.0 * (x + y + z)  # max may overlook a NaN
 
 
+def nearest_inside(position: list[float], limits: Limits) -> Triple:
+    """The point of the workspace, box and reach, that is nearest to a point (3,), base frame [m]."""
+    x, y, z = (
+        min(max(at, centre - half), centre + half)
+        for at, centre, half in zip(position, limits.centre, limits.half_size, strict=True)
+    )
+    back = min(1.0, limits.reach / max(math.hypot(x, y), limits.reach))
+    return x * back, y * back, z
+
+
 @compiled_as(VECTOR(VECTOR, VECTOR, SCALAR, SCALAR))
 def clamp(torque: Vector, previous: Vector, limit: float, rate: float) -> Vector:
     """Torques within ±limit and within ±rate of the previous ones; see `clamp_torque`."""

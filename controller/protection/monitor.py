@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.model.compiled import FloatArray
 from controller.protection.encoders import Encoders
-from controller.protection.limits import Limits, Violation, axis_beyond, check_joints
+from controller.protection.limits import Limits, Violation, axis_beyond, check_joints, nearest_inside
 from controller.protection.screening import Screen
 from controller.protocol.causes import Cause
 from hardware.interfaces import Measurement, Triple
@@ -141,6 +141,10 @@ class Protection:
         if self._pressing.lasts(press):
             return Violation(Cause.PRESSING, press, limits.press_force)
         return None
+
+    def nearest_inside(self, position: list[float]) -> Triple:
+        """Where in the workspace a tool would be that is pushed out of it, (3,) [m]."""
+        return nearest_inside(position, self._limits)
 
     def fingers(self, tactile: tuple[float, float]) -> Violation | None:
         """What the pads feel [N]: a grip is what both feel."""

@@ -43,6 +43,7 @@ class FakeBus:
         log: every new tick's measurement with the command that led to it.
         object_at: finger position at which the fingers meet an object [m].
         jammed: the arm cannot move.
+        push: force on the tool, base frame, shape (3,) [N].
         lost: the next exchange raises BusLost.
         status: added to the drives' status.
     """
@@ -55,6 +56,7 @@ class FakeBus:
         self.jammed = self.lost = self.closed = False
         self.status = DriveStatus.OK
         self.unpowered = False
+        self.push: NDArray[np.float64] = np.zeros(3)
         self.hurry = 1.0
         self.on_tick: Callable[[int], None] = lambda tick: None
         self._parameters = parameters
@@ -78,7 +80,7 @@ class FakeBus:
         if self.lost or self.closed:
             raise BusLost("the plant has ended: start it again")
         self.last = command
-        if self.lockstep and not command.busy and np.abs(self._rate).max() < 1e-3:
+        if self.lockstep and not command.busy and np.abs(self._rate).max() < 1e-3 and not self.push.any():
             time.sleep(0.0005)
             return self._measure(command, DriveStatus.STANDING)
         self._pace()
@@ -104,7 +106,7 @@ class FakeBus:
         else:
             body = self._body
             assert body.update(_triple(self._angle), _triple(self._rate)) == 0
-            torque = np.clip(command.torque, -8.4, 8.4)
+            torque = np.clip(command.torque, -8.4, 8.4) + body.state.jacobian.T @ self.push
             self._rate = self._rate + self.period * np.linalg.solve(body.state.inertia, torque - body.state.gravity)
             self._angle = self._angle + self.period * self._rate
         gripper = self._parameters.gripper

@@ -280,6 +280,12 @@ def test_a_neighbour_within_reach_of_the_open_fingers_is_refused():
         Planner.of(MOTION, PARAMETERS, inventory.table, HOME, OPEN).ply("Ke4", [king], inventory)
 
 
+def test_home_from_where_no_drive_holds_the_arm_is_refused():
+    away = np.array([0.052, 0.394, 0.287])  # dragged there by the sleeve
+    with pytest.raises(PlanRefused, match="holding still takes 5"):
+        Planner.of(MOTION, PARAMETERS, TABLE, away, OPEN).home()
+
+
 def test_a_gripper_that_cannot_open_wide_enough_is_refused():
     narrow = PARAMETERS.model_copy(update={"gripper": PARAMETERS.gripper.model_copy(update={"stroke": 0.005})})
     ply, inventory = games(1, 1)[0]

@@ -14,7 +14,7 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
-from controller.protection.limits import Violation, default_limits
+from controller.protection.limits import Violation, default_limits, nearest_inside
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.cause_sentences import explain
 from controller.protocol.causes import Cause
@@ -520,6 +520,34 @@ def test_pushed_away_while_holding_it_gives_way(rig: Rig) -> None:
     rig.run(400)
     assert rig.state is State.HOLD
     assert rig.supervisor.cause.cause is Cause.TRACKING
+
+
+@pytest.mark.parametrize("direction", [(0, 1, 0), (1, 0, 0), (-1, -1, 0), (1, -2, 0), (0, 0, -1), (1, 2, -2)])
+def test_nobody_pushes_an_arm_that_gives_way_out_of_the_poses_in_which_it_is_controlled(
+    rig: Rig, direction: tuple[int, int, int]
+) -> None:
+    away = np.array(direction) / np.linalg.norm(direction)
+    limits = default_limits(load_parameters(), TableSettings())
+    rig.boot()
+    rig.bus.push = 60.0 * away
+    rig.run(60)
+    assert rig.supervisor.machine.compliant
+    rig.bus.push = 20.0 * away  # on and on, as one whose sleeve is caught
+
+    def outside() -> float:
+        position = rig.supervisor.law.state.position.tolist()
+        return math.dist(position, nearest_inside(position, limits))
+
+    farthest = 0.0
+    for _ in range(2500):
+        rig.run(1)
+        farthest = max(farthest, outside())
+    assert farthest < limits.outside
+    assert not rig.supervisor.machine.braked, rig.sentence
+    rig.bus.push = np.zeros(3)
+    rig.run(1500)
+    assert rig.state is State.HOLD
+    assert outside() < 0.01
 
 
 def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig) -> None:
