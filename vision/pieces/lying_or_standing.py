@@ -125,7 +125,7 @@ class PoseSearch:
         ranked = sorted((t for t in trials.items() if t[1]), key=lambda t: -t[1][0].score)
         for key, ways in ranked:
             best = ways[0]
-            if best.support < _LEAST_SUPPORT or best.seen < _LEAST_SEEN:
+            if not _is_there(best):
                 continue
             others = [way.score for other, more in ranked for way in more[: 1 if other != key else 2]
                       if way is not best]  # fmt: skip
@@ -229,9 +229,12 @@ class PoseSearch:
                     for a, b in itertools.product(along, grid[1:-1])
                 ]
         ways = [self._climbed(piece, some) for some in (lying, standing) if some]
-        ways.sort(key=lambda one: -one.score)
-        if len(ways) > 1 and ways[1].pose.yaw is None and self._is_high(piece, ways[1].pose):
-            ways.reverse()
+        ways.sort(key=_rank, reverse=True)
+        if len(ways) > 1 and ways[1].pose.yaw is None:
+            (lies, stands), height = (way.pose for way in ways), PIECE_SHAPES[piece.kind].height
+            # what is high elsewhere is something else
+            if math.dist((lies.x, lies.y), (stands.x, stands.y)) <= height and self._is_high(piece, stands):
+                ways.reverse()
         return ways
 
     def _is_high(self, piece: PieceSpec, pose: Pose) -> bool:
@@ -247,7 +250,7 @@ class PoseSearch:
     def _climbed(self, piece: PieceSpec, trials: list[PoseTrial]) -> PoseTrial:
         """From the best of some, step by step to the best near them."""
         near = [self._climb(piece, self._try(piece, one.pose), _STEPS[:2]) for one in apart(trials, _KEPT)]
-        return max((self._climb(piece, one, _STEPS) for one in apart(near, _CLOSER)), key=lambda one: one.score)
+        return max((self._climb(piece, one, _STEPS) for one in apart(near, _CLOSER)), key=_rank)
 
     def _climb(self, piece: PieceSpec, trial: PoseTrial, steps: Sequence[tuple[float, float]]) -> PoseTrial:
         for step, turn in steps:
@@ -306,6 +309,16 @@ class PoseSearch:
                 if abs(x) < self._half[0] and abs(y) < self._half[1]:
                     spots.append((x, y))
         return spots
+
+
+def _is_there(way: PoseTrial) -> bool:
+    """Whether enough speaks for a piece in this way, and enough of it would be in sight."""
+    return way.support >= _LEAST_SUPPORT and way.seen >= _LEAST_SEEN
+
+
+def _rank(way: PoseTrial) -> tuple[bool, float]:
+    """The greater, the better a way explains the picture; rather than what is hardly in sight, one that is there."""
+    return _is_there(way), way.score
 
 
 def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Mask:
