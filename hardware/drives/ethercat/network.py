@@ -34,6 +34,8 @@ _ACTIVE: Final = 300e-6
 """So long a frame is waited for without sleeping [s]; it takes some 100 µs."""
 _WATCHDOG_OFF: Final = 0.0002
 """A watchdog that differs by more from what was asked for has not been set [s]; its steps are 0.1 ms."""
+_ATTEMPTS: Final = 3
+"""To set the devices up, where a frame was lost meanwhile."""
 _TRIES: Final = 10
 """A register is asked for so often: where every third frame is lost, one of 60,000 is not read."""
 _OUTPUT_CONTROL, _TRIGGER, _RX_ERRORS = 0x0814, 0x40, 0x0300
@@ -102,20 +104,28 @@ class Network:
                 "this program send raw frames ('sudo setcap cap_net_raw,cap_net_admin+ep' the Python binary)?"
             ) from error
         try:
-            self._find()
-            self._configure(parameters)
-            self._start()
-        except self._soem.WkcError as error:
-            self._master.close()
-            raise HardwareError(
-                f"a device at {settings.interface} stopped answering during set-up: check the cables and the devices' "
-                "power, then start again"
-            ) from error
+            self._set_up(parameters)
         except BaseException:
             self._master.close()
             raise
 
     # the start
+
+    def _set_up(self, parameters: RobotParameters) -> None:
+        """From wherever the devices are to OP: from the beginning again where a frame was lost on its way."""
+        for left in reversed(range(_ATTEMPTS)):
+            try:
+                self._find()
+                self._configure(parameters)
+                self._start()
+                return
+            except self._soem.WkcError as error:
+                if left:
+                    continue
+                raise HardwareError(
+                    f"a device at {self._settings.interface} stopped answering during set-up: check the cables and the "
+                    "devices' power, then start again"
+                ) from error
 
     def _open(self) -> int:
         """Open the interface; the number of its socket, which pysoem does not tell."""

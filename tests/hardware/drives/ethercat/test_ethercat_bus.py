@@ -18,6 +18,7 @@ from typing import NamedTuple
 import pytest
 
 from hardware.drives.ethercat.bus import EtherCatServoBus
+from hardware.drives.ethercat.network import Network, load_pysoem
 from hardware.drives.ethercat.settings import EtherCatSettings
 from hardware.drives.settings import DriveSettings, ForceSettings, JointSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Pace
@@ -39,11 +40,12 @@ FREE = Command((1.0, 1.0, 1.0), 0.01, brake=False, enable=True, busy=True)
 
 
 class Opened(NamedTuple):
-    """A bus, the process behind it, and what it has told."""
+    """A bus, the process behind it, what it has told, and how often a frame was lost while it was set up."""
 
     bus: EtherCatServoBus
     world: int
     told: list[str]
+    lost: int
 
 
 @pytest.fixture(scope="module", params=["generic", "mr-j4-tm"])
@@ -60,18 +62,28 @@ def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         [sys.executable, "-P", "-m", "hardware.sim.emulated.ethercat.process", str(run_dir)], env=os.environ
     )
     try:
-        pid, told = namespace.network_pid(run_dir), list[str]()
+        pid, told, lost = namespace.network_pid(run_dir), list[str](), list[str]()
+        whole = Network._set_watchdogs
+
+        def first_is_lost(network: Network) -> None:
+            if not lost:
+                lost.append("a frame")
+                raise load_pysoem().WkcError
+            whole(network)
+
         deadline = time.monotonic() + 60.0
         while True:
             try:
                 enter = functools.partial(namespace.within_network, pid)
-                bus = EtherCatServoBus(settings, DRIVES, ROBOT, enter, told.append)
+                with pytest.MonkeyPatch.context() as patched:
+                    patched.setattr(Network, "_set_watchdogs", first_is_lost)
+                    bus = EtherCatServoBus(settings, DRIVES, ROBOT, enter, told.append)
                 break
             except HardwareError:  # the world is not there yet
                 if time.monotonic() > deadline or process.poll() is not None:
                     raise
                 time.sleep(0.1)
-        yield Opened(bus, process.pid, told)
+        yield Opened(bus, process.pid, told, len(lost))
         bus.close()
         bus.close()
         with pytest.raises(BusLost, match="given up"):
@@ -99,6 +111,11 @@ def settle(bus: EtherCatServoBus) -> None:
 def run(bus: EtherCatServoBus, command: Command, status: DriveStatus) -> bool:
     """Whether a status is reached within a second or so."""
     return any(bus.exchange(command).status & status == status for _ in range(1000))
+
+
+def test_a_frame_that_was_lost_during_set_up_costs_nothing(opened: Opened, bus: EtherCatServoBus) -> None:
+    assert opened.lost == 1
+    assert bus.exchange(REST).status & DriveStatus.BRAKED
 
 
 def test_disabled_drives_stand_on_their_brakes(bus: EtherCatServoBus) -> None:
