@@ -230,7 +230,7 @@ class SimRig(RemoteRig):
             orderly = self._connected and self._shut_down()
             if not orderly and self._connected and self._cause is None:
                 # whoever has ended well since was told to, and the last word of it was lost on its way
-                orderly = all(status == 0 for status in self._statuses().values())
+                orderly = all(map(self._ended_well, self._processes.values()))
             if not orderly:  # somebody has ended meanwhile, and could not be asked
                 self.failure()
             self._open = False
@@ -264,6 +264,13 @@ class SimRig(RemoteRig):
             process.wait()
             return False
         return True
+
+    def _ended_well(self, process: Process) -> bool:
+        """Whether it did; of an adopted one nobody knows, but that a world leaves its last state only at a good end."""
+        status = process.poll()
+        if isinstance(process, Adopted):
+            return status is not None and (self._run_dir / END_FILE).exists()
+        return status == 0
 
     def _ended_otherwise(self) -> str | None:
         """A sentence on a process that was told to end, and ended for another reason; of adopted ones nobody knows."""

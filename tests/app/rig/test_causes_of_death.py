@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import signal
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
 from app.records.files import full_disk
+from app.rig.devices import EndState
+from app.rig.simulation.adopted import Adopted
 from app.rig.simulation.sim import SimRig
+from controller.wire.errors import ControllerLost
+from hardware.sim.process.settings import END_FILE
 
 
 @dataclass
@@ -86,3 +93,30 @@ def test_a_disk_with_room_and_a_folder_that_is_gone_are_no_full_disk(tmp_path: P
     assert full_disk(tmp_path) is None
     assert not list(tmp_path.iterdir())
     assert full_disk(tmp_path / "none") is None
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_the_last_word_of_who_was_adopted_may_be_lost_but_not_its_last_state(tmp_path: Path, good: bool) -> None:
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+
+        class Deaf:
+            """A client whose controller ends as it should, and is not heard."""
+
+            def shutdown(self) -> None:
+                if good:
+                    state = {"at_rest": True, "braked": True, "arm_speed": 0.0}
+                    (tmp_path / END_FILE).write_text(json.dumps(state), encoding="utf-8")
+                process.communicate(b"\n")
+                raise ControllerLost
+
+            def close(self) -> None:
+                return None
+
+        rig = object.__new__(SimRig)
+        rig._run_dir, rig._open, rig._cause, rig._connected = tmp_path, True, None, True
+        rig._processes = {"simulation": Adopted(process.pid)}
+        rig._devices = cast(Any, Deaf())
+        rig._rig, rig.client = cast(Any, None), cast(Any, Deaf())
+        left = rig.close()
+    assert (rig._cause is None) is good
+    assert left == (EndState(True, 0.0) if good else None)
