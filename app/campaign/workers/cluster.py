@@ -51,8 +51,8 @@ def open_cluster(address: str) -> Iterator[Cluster]:
         raise ClusterProblem(
             f"--scheduler takes Dask, and {error.name} is missing: 'pip install touchmove[campaign]'"
         ) from error
-    for name in ("client", "core", "comm"):  # that a scheduler is lost is said in a sentence
-        logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
+    for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # that a scheduler is lost is said in a sentence
     try:
         with config.set({"distributed.comm.timeouts.connect": CONNECT}):
             opened: Any = Client
