@@ -276,7 +276,7 @@ def watch(launch: Launch) -> Iterator[Callable[[Any], TelemetryWatch]]:
         one.close()
 
 
-@pytest.mark.parametrize("lockstep", [True, False])
+@pytest.mark.parametrize("lockstep", [True, pytest.param(False, marks=pytest.mark.real_time)])
 def test_stop_ends_a_motion_and_only_the_clients_release_lets_another_begin(
     launch: Launch, fake_bus: Callable[..., Any], line: Line, watch: Callable[[Any], TelemetryWatch], lockstep: bool
 ) -> None:
