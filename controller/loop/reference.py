@@ -11,7 +11,6 @@ from controller.loop.memory import MARKED, TickMemory
 from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
 from controller.protection.stopping import StopPath, plan_stop
 from controller.settings import ControllerSettings
-from hardware.interfaces import Triple
 
 _RATES = slice(3, 9)
 
@@ -72,21 +71,21 @@ class Reference:
         np.maximum(self.row[DAMPING], self._settings.stop_damping, out=self.row[DAMPING])
         self.finger_velocity = min(0.0, self.finger_velocity)
 
-    def comply_at(self, position: list[float], inside: Triple) -> None:
+    def comply_at(self, position: list[float], fence: list[float]) -> None:
         """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`.
 
-        Outside the workspace a spring of limited force pulls the tool back: who pushes it on shall not come to a pose
-        in which the arm cannot be controlled.
+        Beyond the fence a spring of limited force pulls the tool back: who pushes it on shall not come to a pose in
+        which the arm cannot be controlled.
 
         Args:
             position: of the tool [m].
-            inside: the nearest point of the workspace [m].
+            fence: the nearest point where no spring acts [m].
         """
         settings = self._settings
-        off = math.dist(position, inside)
+        off = math.dist(position, fence)
         share = min(1.0, settings.fence_stretch / off) if off > 0.0 else 0.0
         self.row[:] = 0.0
-        self.row[POSITION] = [at + share * (to - at) for at, to in zip(position, inside, strict=True)]
+        self.row[POSITION] = [at + share * (to - at) for at, to in zip(position, fence, strict=True)]
         self.row[STIFFNESS] = settings.fence_stiffness if off > 0.0 else 0.0
         self.row[DAMPING] = settings.compliant_damping
         self.finger_velocity = min(0.0, self.finger_velocity)

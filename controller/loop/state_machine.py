@@ -50,6 +50,8 @@ class StateMachine:
         self.braked = self.fresh = True
         self.letting_go = 0
         self._compliant_ticks = 0
+        self._outside = math.inf
+        """The least way outside the workspace at which the tool gave way since it was enabled [m]."""
         self._protective = False
         self._settings, self._law = settings, law
         self._reference, self._admission, self._brakes = reference, admission, brakes
@@ -67,6 +69,8 @@ class StateMachine:
         self.state, foreseen = next_state(before, event)
         self.braked = self.state in BRAKED
         self.fresh = self.fresh and self.state is State.BOOT
+        if event is Event.ENABLED:
+            self._outside = math.inf
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
         if self.state is State.STOPPING and not self._compliant_ticks:
@@ -173,7 +177,12 @@ class StateMachine:
             self._come_to_rest()
 
     def _give_way_at(self, position: list[float]) -> None:
-        self._reference.comply_at(position, self._protection.nearest_inside(position))
+        """The spring holds who pushes the tool out; one that was enabled out there is not pulled in."""
+        inside = self._protection.nearest_inside(position)
+        off = math.dist(position, inside)
+        self._outside = min(self._outside, off)
+        share = self._outside / off if off > 0.0 else 1.0
+        self._reference.comply_at(position, [to + share * (at - to) for at, to in zip(position, inside, strict=True)])
 
     def _come_to_rest(self) -> None:
         self.enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)

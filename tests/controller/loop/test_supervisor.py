@@ -550,6 +550,18 @@ def test_nobody_pushes_an_arm_that_gives_way_out_of_the_poses_in_which_it_is_con
     assert outside() < 0.01
 
 
+def test_an_arm_that_is_enabled_outside_its_workspace_gives_way_and_is_not_pulled_in(
+    fake_bus: Callable[..., Any],
+) -> None:
+    begun = (0.0, 0.315, 0.30)
+    rig = Rig(fake_bus(point=begun))
+    rig.bus.push = np.array([0.0, 0.1, 0.0])  # next to nothing: plant time goes on
+    rig.run(600)
+    assert rig.supervisor.cause.cause is Cause.TOOL_OUTSIDE
+    assert not rig.supervisor.machine.braked, rig.sentence
+    assert math.dist(rig.supervisor.law.state.position.tolist(), begun) < 0.005
+
+
 def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig) -> None:
     rig.boot().supervisor.reference.position[2] += 0.02
     feel(rig)
