@@ -64,7 +64,7 @@ class ControllerSettings(BaseModel):
     fence_stiffness: PositiveFloat = 3600.0
     """k_p of each axis in compliant mode outside the workspace: ω = 60 rad/s [1/s²] …"""
     fence_stretch: PositiveFloat = 0.010
-    """… times no more than this: 39 N at 1.08 kg, what a person in passing does not push away [m]."""
+    """… times no more than this: 39 N at 1.08 kg, more with a piece, which nobody pushes away in passing [m]."""
     compliant_ticks: PositiveInt = 227
     """Compliant mode lasts at least so long [ticks]: 0.2 s."""
     compliant_speed: PositiveFloat = 0.01

@@ -317,7 +317,9 @@ class HumanTurn:
         sure = decision.verdict is ReadingOutcome.MOVE
         if sure or finding.situation is Situation.LEGAL:
             move = decision.moves[0]
-            if faults := self._table.badly_set(move, said=said == move):
+            there = (move.from_square, move.to_square)  # what it promotes to is not always seen
+            theirs = said is not None and (said.from_square, said.to_square) == there
+            if faults := self._table.badly_set(move, said=theirs):
                 self._complaints.of_faults(faults)
                 return None
             if not (sure or (move.promotion is None and self._table.shows_after(move))):

@@ -74,8 +74,8 @@ class Reference:
     def comply_at(self, position: list[float], fence: list[float]) -> None:
         """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`.
 
-        Beyond the fence a spring of limited force pulls the tool back: who pushes it on shall not come to a pose in
-        which the arm cannot be controlled.
+        Beyond the fence a spring of limited force, critically damped, pulls the tool back: who pushes it on shall not
+        come to a pose in which the arm cannot be controlled.
 
         Args:
             position: of the tool [m].
@@ -87,7 +87,7 @@ class Reference:
         self.row[:] = 0.0
         self.row[POSITION] = [at + share * (to - at) for at, to in zip(position, fence, strict=True)]
         self.row[STIFFNESS] = settings.fence_stiffness if off > 0.0 else 0.0
-        self.row[DAMPING] = settings.compliant_damping
+        self.row[DAMPING] = 2.0 * math.sqrt(settings.fence_stiffness) if off > 0.0 else settings.compliant_damping
         self.finger_velocity = min(0.0, self.finger_velocity)
         self._stop = None
 

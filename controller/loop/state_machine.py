@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Final
 
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, PRESSED, Admission
@@ -19,6 +20,8 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import Measurement, Triple
 
 NO_TORQUE: Triple = (0.0, 0.0, 0.0)
+_AT_FENCE: Final = 0.001
+"""Nobody pushes a tool that is no further beyond its fence [m]."""
 LET_GO_FORCE = 1.0
 """Fingers that let go open until neither feels more [N]."""
 
@@ -171,10 +174,16 @@ class StateMachine:
         self._compliant_ticks += 1
         position, speed = self._law.state.position.tolist(), math.hypot(*self._law.state.velocity.tolist())
         self._give_way_at(position)
-        if self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed:
+        rests = self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed
+        # while somebody pushes at the fence it does not rest, but where the drives have had enough
+        if self._protective if self._held_back(position) else rests:
             self._compliant_ticks = 0
             self._reference.rest_softly(position)
             self._come_to_rest()
+
+    def _held_back(self, position: list[float]) -> bool:
+        """Whether the tool is beyond the fence by more than it takes to come back to it."""
+        return math.dist(position, self._protection.nearest_inside(position)) > self._outside + _AT_FENCE
 
     def _give_way_at(self, position: list[float]) -> None:
         """The spring holds who pushes the tool out; one that was enabled out there is not pulled in."""

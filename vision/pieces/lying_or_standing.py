@@ -129,7 +129,7 @@ class PoseSearch:
                 continue
             others = [way.score for other, more in ranked for way in more[: 1 if other != key else 2]
                       if way is not best]  # fmt: skip
-            lead = 1.0 - max([0.0, *others]) / best.score
+            lead = max(0.0, 1.0 - max([0.0, *others]) / best.score)
             place, piece = alike[key]
             best, std = self._spread(piece, best)
             return MisplacedPiece(piece, place, best.pose, std, best.support, best.seen, lead)

@@ -43,6 +43,7 @@ class LossyRelay:
         self._front = _bound()
         self._front.setsockopt(socket.SOL_IP, _IP_RECVERR, 1)
         self._back = _bound()
+        self._poll = select.poll()
         self.port = int(self._front.getsockname()[1])
         self.lost = 0
         self._client: tuple[str, int] | None = None
@@ -60,21 +61,25 @@ class LossyRelay:
         self._thread.join()
 
     def _forward(self) -> None:
-        poll = select.poll()
-        poll.register(self._front, select.POLLIN)
+        self._poll.register(self._front, select.POLLIN)
+        self._poll.register(self._back, select.POLLIN)
         try:
             while not self._ending:
-                poll.register(self._back, select.POLLIN)
-                for number, _ in poll.poll(1e3 * _GLANCE):
+                for number, _ in self._poll.poll(1e3 * _GLANCE):
                     with suppress(ConnectionRefusedError, BlockingIOError):  # nobody there: who has sent it repeats it
                         self._pass(0 if number == self._front.fileno() else 1)
                 if self._is_gone():
-                    poll.unregister(self._back)
-                    self._back.close()
-                    self._back, self._client = _bound(), None
+                    self._let_go()
         finally:
             self._front.close()
             self._back.close()
+
+    def _let_go(self) -> None:
+        """What the client had towards the controller is closed."""
+        self._poll.unregister(self._back)
+        self._back.close()
+        self._back, self._client = _bound(), None
+        self._poll.register(self._back, select.POLLIN)
 
     def _is_gone(self) -> bool:
         """Whether the client's port is closed."""
@@ -89,6 +94,9 @@ class LossyRelay:
         source, target = (self._front, self._back) if way == 0 else (self._back, self._front)
         data, sender = source.recvfrom(MAX_DATAGRAM + 1)
         if way == 0:
+            if self._client not in (None, sender):
+                self._let_go()
+                target = self._back
             self._client = sender
             self._look_up()
         to = self._controller if way == 0 else self._client

@@ -266,10 +266,11 @@ class SimRig(RemoteRig):
         return True
 
     def _ended_well(self, process: Process) -> bool:
-        """Whether it did; of an adopted one nobody knows, but that a world leaves its last state only at a good end."""
+        """Whether it did; of an adopted one nobody knows, but that the arm rests on its brakes where it has ended."""
         status = process.poll()
         if isinstance(process, Adopted):
-            return status is not None and (self._run_dir / END_FILE).exists()
+            left = self._end_state()
+            return status is not None and left is not None and left.at_rest
         return status == 0
 
     def _ended_otherwise(self) -> str | None:

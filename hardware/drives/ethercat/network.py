@@ -171,7 +171,7 @@ class Network:
                 )
             except DriveRefused as error:
                 raise HardwareError(f"{device} (device {settings.place(device) + 1} on the cable): {error}") from error
-            except (self._soem.SdoError, self._soem.MailboxError, self._soem.PacketError, self._soem.WkcError) as error:
+            except (self._soem.SdoError, self._soem.MailboxError, self._soem.PacketError) as error:
                 raise HardwareError(
                     f"{device} (device {settings.place(device) + 1} on the cable) aborted its configuration: "
                     f"{_mailbox_words(error)}: check drives.ethercat.sdo against its manual"

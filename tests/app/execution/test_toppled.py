@@ -13,6 +13,7 @@ import pytest
 
 from app.execution.observation import GameObserver
 from app.execution.state import Devices
+from app.execution.table import Table
 from app.measure.bench.vision.actions import ClumsyHands
 from app.measure.bench.vision.games import Scene, open_studio, random_game
 from app.pieces.inventory import Inventory
@@ -23,7 +24,7 @@ from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame
 from hardware.sim.process.table_studio import TableStudio
 from hardware.table import TableSettings, square_place
-from vision.pieces.verify import FaultKind
+from vision.pieces.verify import Fault, FaultKind
 from vision.reading.outcome import ReadingOutcome
 
 TABLE = TableSettings()
@@ -110,3 +111,27 @@ def test_a_piece_left_half_way_is_a_fault_however_much_it_looks_like_a_move(stud
 
     assert badly_set(scene.rng.uniform(0.35, 0.5))
     assert not badly_set(scene.rng.uniform(0.0, 0.2)), "as people do"
+
+
+@pytest.mark.parametrize(("said", "beyond"), [(False, most_off_centre(TABLE)), (True, math.inf)])
+def test_of_a_move_only_what_it_set_down_counts_and_nothing_off_centre_where_it_was_said(
+    said: bool, beyond: float
+) -> None:
+    asked = list[float]()
+
+    class Watching:
+        """Sees two pieces amiss, of which the move has touched one."""
+
+        def faults(self, stands: Inventory, *, beyond: float, exchanges: bool) -> tuple[Fault, ...]:
+            asked.append(beyond)
+            return tuple(Fault(FaultKind.OFF_CENTRE, square, "", (0.0, 0.0)) for square in (chess.E4, chess.A1))
+
+    class Seen(Table):
+        """A table at the start."""
+
+        observer = cast(Any, Watching())
+        board = chess.Board()
+        inventory = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+
+    faults = object.__new__(Seen).badly_set(chess.Move.from_uci("e2e4"), said=said)
+    assert ([fault.square for fault in faults], asked) == ([chess.E4], [beyond])

@@ -550,6 +550,34 @@ def test_nobody_pushes_an_arm_that_gives_way_out_of_the_poses_in_which_it_is_con
     assert outside() < 0.01
 
 
+def test_who_pulls_harder_than_the_fence_and_lets_go_sees_the_arm_come_back_slowly(rig: Rig) -> None:
+    rig.boot()
+    rig.bus.push = np.array([0.0, 60.0, 0.0])
+    while rig.supervisor.law.state.position[1] < 0.31:
+        rig.run(1)
+    assert rig.supervisor.machine.compliant
+    rig.bus.push = np.zeros(3)
+    fastest = 0.0
+    for _ in range(1500):
+        rig.run(1)
+        fastest = max(fastest, -float(rig.supervisor.law.state.velocity[1]))
+    assert 0.05 < fastest < 0.4
+    assert rig.state is State.HOLD
+
+
+def test_who_drags_on_and_on_finds_brakes_before_a_motor_is_too_hot(rig: Rig) -> None:
+    rig.boot()
+    rig.bus.push = np.array([0.0, 60.0, 0.0])
+    rig.run(60)
+    rig.bus.push = np.array([0.0, 35.0, 0.0])
+    rig.run(8000)
+    assert rig.supervisor.machine.compliant, "and does not rest meanwhile"
+    rig.supervisor.machine.stop(Violation(Cause.RMS_TORQUE, 2.5, 2.4), Event.PROTECTIVE_STOP)
+    rig.run(400)
+    assert rig.supervisor.machine.braked
+    assert 0.26 < rig.supervisor.law.state.position[1] < 0.26 + 0.03
+
+
 def test_an_arm_that_is_enabled_outside_its_workspace_gives_way_and_is_not_pulled_in(
     fake_bus: Callable[..., Any],
 ) -> None:

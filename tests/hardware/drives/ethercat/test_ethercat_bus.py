@@ -75,6 +75,7 @@ def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         while True:
             try:
                 enter = functools.partial(namespace.within_network, pid)
+                lost.clear()  # each start loses a frame, and ends well once the world is there
                 with pytest.MonkeyPatch.context() as patched:
                     patched.setattr(Network, "_set_watchdogs", first_is_lost)
                     bus = EtherCatServoBus(settings, DRIVES, ROBOT, enter, told.append)
