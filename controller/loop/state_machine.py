@@ -175,8 +175,9 @@ class StateMachine:
         position, speed = self._law.state.position.tolist(), math.hypot(*self._law.state.velocity.tolist())
         self._give_way_at(position)
         rests = self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed
-        # while somebody pushes at the fence it does not rest, but where the drives have had enough
-        if self._protective if self._held_back(position) else rests:
+        if self._held_back(position):  # while somebody pushes it does not rest; brakes, if they are due, do not wait
+            rests = self._protective or self._brakes.retiring
+        if rests:
             self._compliant_ticks = 0
             self._reference.rest_softly(position)
             self._come_to_rest()

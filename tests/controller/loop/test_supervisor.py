@@ -565,14 +565,20 @@ def test_who_pulls_harder_than_the_fence_and_lets_go_sees_the_arm_come_back_slow
     assert rig.state is State.HOLD
 
 
-def test_who_drags_on_and_on_finds_brakes_before_a_motor_is_too_hot(rig: Rig) -> None:
+@pytest.mark.parametrize("hot", [True, False])
+def test_who_drags_on_and_on_finds_brakes_where_a_motor_is_too_hot_or_the_controller_shall_end(
+    rig: Rig, hot: bool
+) -> None:
     rig.boot()
     rig.bus.push = np.array([0.0, 60.0, 0.0])
     rig.run(60)
     rig.bus.push = np.array([0.0, 35.0, 0.0])
     rig.run(8000)
     assert rig.supervisor.machine.compliant, "and does not rest meanwhile"
-    rig.supervisor.machine.stop(Violation(Cause.RMS_TORQUE, 2.5, 2.4), Event.PROTECTIVE_STOP)
+    if hot:
+        rig.supervisor.machine.stop(Violation(Cause.RMS_TORQUE, 2.5, 2.4), Event.PROTECTIVE_STOP)
+    else:
+        rig.supervisor.machine.retire()
     rig.run(400)
     assert rig.supervisor.machine.braked
     assert 0.26 < rig.supervisor.law.state.position[1] < 0.26 + 0.03
