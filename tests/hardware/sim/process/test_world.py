@@ -502,7 +502,7 @@ def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start, ended
     assert again.process.wait(PATIENCE) == 0
 
 
-@pytest.mark.parametrize("pace", [Pace.FAST, Pace.REAL])
+@pytest.mark.parametrize("pace", [Pace.FAST, pytest.param(Pace.REAL, marks=pytest.mark.real_time)])
 def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(start: Start, pace: Pace) -> None:
     world = start(pace=pace)
     bus = SimServoBus(world.run_dir)
