@@ -173,26 +173,23 @@ class StateMachine:
         """Until the tool rests, but not for too short a time; then hold softly where it is."""
         self._compliant_ticks += 1
         position, speed = self._law.state.position.tolist(), math.hypot(*self._law.state.velocity.tolist())
-        self._give_way_at(position)
+        held_back = self._give_way_at(position)
         rests = self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed
-        if self._held_back(position):  # while somebody pushes it does not rest; brakes, if they are due, do not wait
+        if held_back:  # while somebody pushes it does not rest; brakes, if they are due, do not wait
             rests = self._protective or self._brakes.retiring
         if rests:
             self._compliant_ticks = 0
             self._reference.rest_softly(position)
             self._come_to_rest()
 
-    def _held_back(self, position: list[float]) -> bool:
-        """Whether the tool is beyond the fence by more than it takes to come back to it."""
-        return math.dist(position, self._protection.nearest_inside(position)) > self._outside + _AT_FENCE
-
-    def _give_way_at(self, position: list[float]) -> None:
-        """The spring holds who pushes the tool out; one that was enabled out there is not pulled in."""
+    def _give_way_at(self, position: list[float]) -> bool:
+        """A spring holds who pushes the tool out: whether it does. What was enabled out there it does not pull in."""
         inside = self._protection.nearest_inside(position)
         off = math.dist(position, inside)
         self._outside = min(self._outside, off)
         share = self._outside / off if off > 0.0 else 1.0
         self._reference.comply_at(position, [to + share * (at - to) for at, to in zip(position, inside, strict=True)])
+        return off > self._outside + _AT_FENCE
 
     def _come_to_rest(self) -> None:
         self.enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
