@@ -50,9 +50,9 @@ class Presser:
     """Presses STOP at random moments while the arm moves, as a listener does; and says 'go' each time.
 
     Of every three, one is at any moment, one in full motion and one with a piece in the fingers: the first moment of
-    that kind after a random pause. It is called with the telemetry in the link's own thread. Until a STOP was carried out the client hears no more: so
-    plant time, which waits for its samples, goes on by no more than those that were sent ahead, however slow this
-    machine is.
+    that kind after a random pause. It is called with the telemetry in the link's own thread. Until a STOP was carried
+    out the client hears no more: so plant time, which waits for its samples, goes on by no more than those that were
+    sent ahead, however slow this machine is.
     """
 
     def __init__(self) -> None:
