@@ -1,0 +1,56 @@
+"""What was typed beside what is seen: when a move counts although its piece stands far off."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import chess
+import pytest
+
+from app.game.human_turn import HumanTurn
+from vision.reading.outcome import ReadingOutcome, Situation
+
+PUSHED, PROMOTED = "e2e4", "a7a8q"
+
+
+class Turn(HumanTurn):
+    """A turn whose table says of every piece that it is badly set, unless it hears that somebody means it so."""
+
+    def __init__(self) -> None:
+        self.meant, self.accepted, self.complained = list[bool](), list[chess.Move](), 0
+        self._table: Any = SimpleNamespace(badly_set=self._badly_set)
+        self._complaints: Any = SimpleNamespace(of_faults=self._complain)
+
+    def _badly_set(self, move: chess.Move, *, said: bool) -> tuple[str, ...]:
+        self.meant.append(said)
+        return () if said else ("it stands half way",)
+
+    def _complain(self, faults: tuple[str, ...]) -> None:
+        self.complained += 1
+
+    def _accept(self, move: chess.Move, then: float, reading: Any = None) -> None:
+        self.accepted.append(move)
+
+
+@pytest.mark.parametrize(
+    ("typed", "seen", "counts"),
+    [
+        (None, PUSHED, False),  # nobody has said anything
+        (PUSHED, PUSHED, True),
+        ("d2d4", PUSHED, False),  # another one was typed
+        ("e2e3", PUSHED, False),
+        ("d2e4", PUSHED, False),
+        ("a7a8n", PROMOTED, True),  # what it promotes to is not seen for sure
+    ],
+)
+def test_a_piece_that_stands_far_off_counts_where_this_very_move_was_typed(
+    typed: str | None, seen: str, counts: bool
+) -> None:
+    turn, move = Turn(), chess.Move.from_uci(seen)
+    decision = SimpleNamespace(verdict=ReadingOutcome.MOVE, moves=(move,), promotion_unsure=move.promotion is not None)
+    reading: Any = SimpleNamespace(decision=decision, finding=SimpleNamespace(situation=Situation.LEGAL))
+    turn._judge(reading, None if typed is None else chess.Move.from_uci(typed), 0.0)
+    assert turn.meant == [counts]
+    assert [one.uci() for one in turn.accepted] == ([typed] if counts else []), "and it promotes to what was typed"
+    assert turn.complained == (not counts)
