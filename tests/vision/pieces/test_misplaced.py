@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from app.pieces.layout import start_layout
+from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece as Put
 from hardware.sim.process.table_studio import TableStudio
@@ -251,17 +252,44 @@ def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) 
     cuts = 8, round(abs(middle - edges.mean()) - 0.5 * float(np.ptp(edges)))
     for beyond in cuts:
         left, right = max(0, int(edges.min()) - beyond), int(edges.max()) + beyond
-        eye = replace(frame.intrinsics, width=right - left, cx=frame.intrinsics.cx - left)
-        assert frame.depth is not None
-        cut = replace(
-            frame,
-            colour=np.ascontiguousarray(frame.colour[:, left:right]),
-            depth=np.ascontiguousarray(frame.depth[:, left:right]),
-            intrinsics=eye,
-        )
-        view = BoardView(eye, whole.camera_from_board, TABLE)
+        cut, view = narrowed(frame, whole, left, right)
         misplaced = find_misplaced(cut, view, {spec.place: spec for spec in specs}, trays=True)
         assert [str(stray.target) for stray in misplaced if stray.lies] == ["e2"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pawn", "off"),
+    [(Pose(0.014, -0.023, -2.75), 14), (Pose(0.031, 0.031, 0.09), 8), (Pose(0.046, -0.029, 1.97), 11)],
+)
+def test_what_lies_in_plain_sight_is_found_whatever_stands_out_at_the_pictures_edge(
+    studio: TableStudio, pawn: Pose, off: int
+) -> None:
+    """A captured knight in a tray rises higher than a pawn that lies; the camera sees a part of it."""
+    edge = Place.parse("R13")
+    position = start_layout(chess.Board("4k3/8/8/8/8/4P3/8/1N2K3 w - - 0 1"), TABLE)
+    specs = [replace(spec, place=edge) if str(spec.place) == "b1" else spec for spec in position]
+    fallen = next(spec for spec in specs if str(spec.place) == "e3")
+    poses = [Put(spec.name, *TABLE.xy(spec.place)) for spec in specs if spec is not fallen]
+    frame = studio.frame([*poses, laid(fallen.name, fallen.kind, pawn.x, pawn.y, pawn.yaw or 0.0)], SceneState(), 1)
+    whole = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
+    middle = float(whole.project([(*TABLE.xy(edge), 0.0)])[0, 0])
+    cut, view = narrowed(frame, whole, int(middle) - off, frame.intrinsics.width)
+    misplaced = find_misplaced(cut, view, {spec.place: spec for spec in specs}, trays=True)
+    assert [near(stray, pawn) for stray in misplaced if str(stray.target) == "e3"] == [True]
+
+
+def narrowed(frame: Frame, whole: BoardView, left: int, right: int) -> tuple[Frame, BoardView]:
+    """The same picture without the columns beyond these."""
+    assert frame.depth is not None
+    eye = replace(frame.intrinsics, width=right - left, cx=frame.intrinsics.cx - left)
+    cut = replace(
+        frame,
+        colour=np.ascontiguousarray(frame.colour[:, left:right]),
+        depth=np.ascontiguousarray(frame.depth[:, left:right]),
+        intrinsics=eye,
+    )
+    return cut, BoardView(eye, whole.camera_from_board, TABLE)
 
 
 @pytest.mark.parametrize("kind", list(Kind))
