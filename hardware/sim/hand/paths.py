@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -93,7 +93,10 @@ class Traveller:
         below: float,
         wide: float,
     ) -> tuple[Hold, Sketch]:
-        """Of holds, ends and corners in between the first that keeps clear of the robot, or the best one, slowly."""
+        """Of holds, ends and corners in between the first that keeps clear of the robot, or the best one.
+
+        Where that passes close to the robot it is slow, and only there: people do not creep all the way.
+        """
         best, most = tried[0], -math.inf
         for hold, end, between in tried:
             sketch = self._way(sight, start, between, end, below, wide)
@@ -102,9 +105,8 @@ class Traveller:
                 return hold, sketch
             if room > most:
                 best, most = (hold, end, between), room
-        careful = replace(self, speed=min(self.speed, CAREFUL)) if most < ENOUGH_ARM_ROOM / 2.0 else self
         hold, end, between = best
-        return hold, careful._way(sight, start, between, end, below, wide)
+        return hold, self._way(sight, start, between, end, below, wide, careful=most < ENOUGH_ARM_ROOM / 2.0)
 
     def way_out(self, pose: HandPose) -> HandPose:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
@@ -114,17 +116,24 @@ class Traveller:
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(
-        self, sight: TableView, start: HandPose, between: tuple[HandPose, ...], end: HandPose, below: float, wide: float
-    ) -> Sketch:
-        """On each straight part only as high as what stands below it wants."""
-        sketch, corners = Sketch(start, self.speed), (*between, end)
-        for pose in corners:
+        self, sight: TableView, start: HandPose, between: tuple[HandPose, ...], end: HandPose, below: float,
+        wide: float, *, careful: bool = False,
+    ) -> Sketch:  # fmt: skip
+        """On each straight part only as high as what stands below it wants, and as fast as the robot's tool allows."""
+        sketch, speed = Sketch(start, self.speed), self.speed
+        for pose in (*between, end):
             line = (sketch.pose.x, sketch.pose.y), (pose.x, pose.y)
             z = max(sight.highest(*line, width=wide) + CLEARANCE, LEAST_LIFT) + below
-            if z > sketch.pose.z or between:
-                sketch.to(z=z, overlap=0.15)
-            sketch.to(x=pose.x, y=pose.y, yaw=pose.yaw, overlap=0.25)
-        return sketch.to(z=z, overlap=0.3) if z < sketch.pose.z else sketch
+            rises = z > sketch.pose.z or bool(between)
+            if careful:
+                over = sketch.pose._replace(z=z if rises else sketch.pose.z)
+                straight = Sketch(over, CAREFUL).to(x=pose.x, y=pose.y, yaw=pose.yaw).done()
+                close = sight.arm_room(sketch.pose, *_samples(straight)) < ENOUGH_ARM_ROOM / 2.0
+                speed = min(self.speed, CAREFUL) if close else self.speed
+            if rises:
+                sketch.to(z=z, overlap=0.15, speed=speed)
+            sketch.to(x=pose.x, y=pose.y, yaw=pose.yaw, overlap=0.25, speed=speed)
+        return sketch.to(z=z, overlap=0.3, speed=speed) if z < sketch.pose.z else sketch
 
 
 def around(pose: HandPose, yaw: float) -> list[HandPose]:
