@@ -9,6 +9,9 @@ the tool stays on its path, and
 
 with v, the speed that is admitted at present, changed at a bounded rate. Who falls silent, is blind or late thus slows
 the arm down, by doing nothing.
+
+Likewise no motion is planned for how warm the servomotors are by then. Near their rating σ falls, and with it the
+torque for acceleration, by its square: a game in fast profile goes on somewhat slower, where it would be stopped.
 """
 
 from __future__ import annotations
@@ -26,13 +29,21 @@ CHANGE: Final = 25.0
 """So quickly the admitted speed falls and rises [m/s²]: along an axis it takes up to 8 N m, which the drives have."""
 LONGEST: Final = 0.25
 """Nobody admits a speed for longer than this [s]."""
+WARM: Final = 0.92
+"""Servomotors whose mean square of torque is a larger share of what they are rated for are spared."""
+SLOWEST: Final = 0.3
+"""The least σ of warm servomotors: nine tenths less acceleration, and what is left is little more than holding."""
+_CALM: Final = 5.0
+"""So quickly that σ falls and rises [1/s]: at 2 m/s as quickly as half of `CHANGE`."""
 _AT, _RATE, _SLOPE, _TICK, _SPEED, _PLAYED = range(6)
 """Where in the motion the reference is [samples], σ, dσ/dt [1/s], tick of these, admitted and played speed [m/s]."""
 _ADMITTED, _UNTIL, _BORDERS = 6, 7, 8
 """Of the last admission: speed [m/s], its last tick, and the planes of its space, (4, 4)."""
 _SHARED, _ALWAYS, _PERIOD = 24, 25, 26
 """Speed that is safe to meet [m/s]; 1 where every motion may be as fast; length of a tick [s]."""
-PLAYBACK_SIZE: Final = 27
+_PACE: Final = 27
+"""σ that the servomotors' warmth admits; negative before the motion begins."""
+PLAYBACK_SIZE: Final = 28
 
 
 @compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR))
@@ -40,7 +51,7 @@ def last_needed(memory: FloatArray, first: float, length: float, tick: float) ->
     """Index of the last sample that a tick needs, if it is the next one; negative before the motion begins.
 
     Args:
-        memory: of the playback, shape (27,).
+        memory: of the playback, shape (28,).
         first: tick of the motion's first sample.
         length: of the motion [samples].
         tick: a whole number, as the others are.
@@ -77,34 +88,47 @@ def _change_speed(memory: FloatArray, tick: float, time: float, point: FloatArra
     return 0
 
 
-@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, ROW, TABLE))
+@compiled_as(SCALAR(ROW, SCALAR, SCALAR))
+def _change_pace(memory: FloatArray, time: float, heat: float) -> float:
+    """σ that servomotors of a heat admit, see `advance`, so much time later [s]."""
+    goal, pace = min(1.0, max(SLOWEST, (1.0 - heat) / (1.0 - WARM))), memory[_PACE]
+    change = _CALM * time
+    memory[_PACE] = goal if pace < 0.0 else min(max(goal, pace - change), pace + change)
+    changed: float = memory[_PACE]
+    return changed
+
+
+@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, ROW, TABLE, SCALAR))
 def advance(
-    memory: FloatArray, first: float, length: float, tick: float, point: FloatArray, samples: FloatArray
+    memory: FloatArray, first: float, length: float, tick: float, point: FloatArray, samples: FloatArray, heat: float
 ) -> float:
     """Go on to a tick whose samples are there.
 
     Args:
-        memory: of the playback, shape (27,), in and out.
+        memory: of the playback, shape (28,), in and out.
         first: tick of the motion's first sample.
         length: of the motion [samples].
         tick: at or after the first one.
         point: where the reference was, base frame (3,) or longer [m].
         samples: ring of the motion's, shape (capacity, 19).
+        heat: mean square of the torque of the warmest servomotor, as a share of what it is rated for.
 
     Returns:
         How many samples count as executed.
     """
     elapsed, last = tick - memory[_TICK], length - 1.0
     memory[_TICK] = tick
+    before, time = memory[_RATE], elapsed * memory[_PERIOD]
+    pace = _change_pace(memory, time, heat)
     if memory[_AT] < 0.0:
-        memory[_AT] = min(tick - first, last)
+        memory[_AT], memory[_RATE] = min(tick - first, last), pace
     elif memory[_ALWAYS] != 0.0:
-        memory[_AT] = min(memory[_AT] + elapsed, last)
+        memory[_AT], memory[_RATE] = min(memory[_AT] + elapsed * pace, last), pace
+        memory[_SLOPE] = (pace - before) / time
     else:
-        before, time = memory[_RATE], elapsed * memory[_PERIOD]
         _change_speed(memory, tick, time, point)
         asked = _speed_at(samples, min(memory[_AT] + elapsed * before, last))
-        rate = min(1.0, memory[_SPEED] / asked) if asked > 0.0 else 1.0
+        rate = min(pace, memory[_SPEED] / asked) if asked > 0.0 else pace
         memory[_AT] = min(memory[_AT] + elapsed * rate, last)
         # not quite where it was expected: a rate that has changed has that effect
         asked = _speed_at(samples, memory[_AT])
@@ -152,7 +176,7 @@ def follow(memory: FloatArray, samples: FloatArray, row: FloatArray, tail: Float
     """The reference of the tick that the playback has gone on to.
 
     Args:
-        memory: of the playback, shape (27,).
+        memory: of the playback, shape (28,).
         samples: ring of the motion's, shape (capacity, 19).
         row: position, velocity, acceleration and gains go here, shape (16,).
         tail: velocity of the fingers [m/s], guard, and its level [N] go here, shape (3,).
@@ -182,7 +206,7 @@ class Playback:
     Args:
         limits: of the protection.
         period: of a tick [s].
-        memory: shape (27,); by default an array of its own.
+        memory: shape (28,); by default an array of its own.
     """
 
     def __init__(self, limits: Limits, period: float, memory: FloatArray | None = None) -> None:
@@ -210,7 +234,7 @@ class Playback:
     def begin(self) -> None:
         """A new motion, from rest."""
         self._memory[:_TICK] = -1.0, 1.0, 0.0
-        self._memory[_SPEED] = self._memory[_SHARED]
+        self._memory[_SPEED], self._memory[_PACE] = self._memory[_SHARED], -1.0
 
     def admit(self, admitted: AdmitSpeed, tick: int) -> None:
         """From now on this counts, and no longer what was admitted before; for a short while at most."""
@@ -222,10 +246,10 @@ class Playback:
         """Index of the last sample that a tick needs; see `last_needed`."""
         return int(_last_needed(self._memory, float(motion.first_tick), float(motion.length), float(tick)))
 
-    def advance(self, motion: Announce, tick: int, point: FloatArray, samples: FloatArray) -> int:
+    def advance(self, motion: Announce, tick: int, point: FloatArray, samples: FloatArray, heat: float) -> int:
         """Go on to a tick of a motion, and how many samples count as executed; see `advance`."""
         first, length = float(motion.first_tick), float(motion.length)
-        return int(_advance(self._memory, first, length, float(tick), point, samples))
+        return int(_advance(self._memory, first, length, float(tick), point, samples, heat))
 
     def follow(self, samples: FloatArray, row: FloatArray, tail: FloatArray) -> None:
         """The reference of the tick gone on to; see `follow`."""

@@ -215,7 +215,7 @@ class Supervisor:
             self.machine.stop(Violation(Cause.UNDERRUN, float(needed), float(buffer.received)))
             return
         row, tail, samples = self.reference.row, self.reference.tail, buffer.rows
-        buffer.executed = playback.advance(motion, tick, row, samples)
+        buffer.executed = playback.advance(motion, tick, row, samples, self._protection.heat)
         playback.follow(samples, row, tail)
         guard, level = tail[1:].tolist()
         met = self.admission.met(guard, level, measurement.tactile, self.force[2])

@@ -70,7 +70,7 @@ from controller.model.state import TORQUE as LAW_TORQUE
 from controller.protection.encoders import ENCODERS_SIZE, watch_encoders
 from controller.protection.limits import DRIVE_TROUBLE, clamp
 from controller.protection.reference_check import COLUMNS
-from controller.protection.screening import SCREEN_SIZE, arm_well, joints_well
+from controller.protection.screening import SCREEN_SIZE, arm_well, heat, joints_well
 from controller.protocol.states import State
 from controller.records.flight_file import FLIGHT
 from hardware.interfaces import Measurement, PlantCall
@@ -123,7 +123,8 @@ def _follow(block: FloatArray, samples: FloatArray, tick: float) -> int:
         return _PLAIN
     if needed >= block[RECEIVED]:
         return LOOK_CLOSER
-    block[EXECUTED] = advance(playback, first, length, tick, row, samples)
+    warm = heat(block[SCREEN : SCREEN + SCREEN_SIZE])
+    block[EXECUTED] = advance(playback, first, length, tick, row, samples, warm)
     follow(playback, samples, row, tail)
     tactile = block[TACTILE], block[TACTILE + 1]
     met = meets(block[GUARDING:PEAKS], tail[1], tail[2], tactile, block[OBSERVER + 2])

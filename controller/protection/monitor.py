@@ -117,6 +117,11 @@ class Protection:
         return True
 
     @property
+    def heat(self) -> float:
+        """Mean square of the torque of the warmest servomotor, as a share of what it is rated for."""
+        return self._screen.heat
+
+    @property
     def something_lasts(self) -> bool:
         """Whether a force has been above its limit in the last tick, though not yet for too long."""
         return self._pressing.begun or self._gripping.begun

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as, direct
+from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as, direct
 from controller.model.state import POSITION, VELOCITY
 from controller.protection.limits import Limits
 from hardware.interfaces import Triple
@@ -100,7 +100,16 @@ def arm_well(
     return 1
 
 
+@compiled_as(SCALAR(ROW))
+def heat(memory: FloatArray) -> float:
+    """Mean square of the torque of the warmest servomotor, as a share of what it is rated for; memory of `arm_well`."""
+    warmest = max(memory[_SQUARES], memory[_SQUARES + 1], memory[_SQUARES + 2])
+    share: float = warmest / (memory[_RMS] * memory[_RMS])
+    return share
+
+
 _arm_well: Final = direct(arm_well)
+_heat: Final = direct(heat)
 
 
 class Screen:
@@ -126,6 +135,11 @@ class Screen:
         memory[_LEAST], memory[_MOST] = limits.tracking_least, limits.tracking_most
         memory[_RMS], memory[_SHARE] = limits.rms_torque, 1.0 - math.exp(-period / limits.rms_window)
         self.squares = memory[_SQUARES : _SQUARES + 3]
+
+    @property
+    def heat(self) -> float:
+        """See `heat`."""
+        return float(_heat(self._memory))
 
     def arm(
         self, state: FloatArray, reference: FloatArray, force: Triple, tactile: tuple[float, float], torque: Triple

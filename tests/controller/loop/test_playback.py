@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from controller.law.settings import LawSettings
 from controller.law.task_space import TaskSpaceController
-from controller.loop.playback import CHANGE, LONGEST
+from controller.loop.playback import CHANGE, LONGEST, SLOWEST, WARM, Playback
 from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
+from controller.model.demand import torque_demand
+from controller.model.kinematics import OK
 from controller.protection.limits import default_limits
+from controller.protection.monitor import MeanTorque
+from controller.protection.reference_check import rows_from_samples
 from controller.protocol import MotionFlag, Result
 from controller.protocol.layout import DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
@@ -26,6 +31,8 @@ from hardware.table import TableSettings
 
 TABLE = TableSettings(limits=CONTACT_PROFILES["separation"])
 LIMITS = default_limits(load_parameters(), TABLE)
+FAST = TableSettings(limits=CONTACT_PROFILES["fast"])
+RUBBING = LawSettings().coulomb_speed
 HOME, NEAR, FAR = (0.0, 0.0, 0.35), (-0.20, 0.0, 0.35), (0.20, 0.0, 0.35)
 TICKS = 284
 """The minimum-jerk line of 0.2 m is as fast as 1.5 m/s then, with 18 m/s² at most."""
@@ -140,6 +147,58 @@ def test_beyond_a_border_the_tool_is_slow(arm: Arm, line: Any) -> None:
     beyond = rows[:, 0] > border + braking + 0.004
     assert speeds(rows[~beyond]).max() > 1.1
     assert speeds(rows[beyond]).max() <= LIMITS.shared_speed * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("heat", [0.93, 0.96, 0.99])
+@pytest.mark.parametrize("admitted", [False, True], ids=["near people", "nobody near"])
+def test_warm_servomotors_are_spared_and_the_tool_stays_on_its_way(
+    arm: Arm, line: Any, heat: float, admitted: bool
+) -> None:
+    squares, rates = arm.supervisor._protection._screen.squares, list[float]()
+
+    def as_warm_as_ever(_: int) -> AdmitSpeed | None:
+        squares[:] = heat * LIMITS.rms_torque**2
+        rates.append(arm.supervisor.admission.playback.rate)
+        return AdmitSpeed(1.6, arm.soon(), EVERYWHERE) if admitted else None
+
+    samples = line(HOME, FAR, TICKS)
+    rows = arm.play(samples, as_warm_as_ever)
+    pace = max(SLOWEST, (1.0 - heat) / (1.0 - WARM))
+    assert np.array(rates[5:]).max() <= pace + 1e-9
+    assert np.abs(rows[:, 6]).max() <= 1.01 * max(pace**2 * samples["acceleration"].max(), CHANGE * (not admitted))
+    if admitted:
+        assert len(rows) == pytest.approx(TICKS / pace, rel=0.02)
+    steps = np.diff(rows[:, :3], axis=0) - 0.5 * arm.period * (rows[1:, 3:6] + rows[:-1, 3:6])
+    assert np.abs(steps).max() < LIMITS.position_step
+    assert np.abs(rows[:, 1:3] - np.array(HOME)[1:]).max() < 1e-9
+    assert np.allclose(rows[-1, :3], FAR, atol=1e-12)
+
+
+@pytest.mark.parametrize("heavier", [1.2, 1.5])
+def test_an_arm_that_never_rests_is_slowed_down_before_its_servomotors_are_stopped(line: Any, heavier: float) -> None:
+    """As fast as it can, there and back for 25 s; each torque is so many times what the model says."""
+    model, period = DeltaModel(load_parameters()), load_parameters().drive.tick
+    playback = Playback(default_limits(load_parameters(), FAST), period)
+    mean = MeanTorque(math.inf, LIMITS.rms_window, period)
+    rings = [rows_from_samples(line(*ends, TICKS)) for ends in ((HOME, FAR), (FAR, HOME))]
+    planned = np.vstack([ring[:, :9] for ring in rings])
+    untamed = heavier * torque_demand(model.constants, RUBBING, planned)[2]
+    assert np.sqrt(np.mean(untamed**2, axis=0)).max() > LIMITS.rms_torque, "it would be stopped"
+    row, tail, heats, motion = np.zeros(16), np.zeros(3), list[float](), 0
+    while len(heats) * period < 25.0:
+        ring = rings[motion % 2]
+        playback.begin()
+        announced, executed = Announce(motion, len(heats), len(ring), MotionFlag.NONE), 0
+        while executed < len(ring):
+            heats.append(float(mean.squares.max()) / LIMITS.rms_torque**2)
+            executed = playback.advance(announced, len(heats) - 1, row, ring, heats[-1])
+            playback.follow(ring, row, tail)
+            status, _, torque, _ = torque_demand(model.constants, RUBBING, row[None, :9].copy())
+            assert status == OK
+            mean.check(tuple(heavier * torque[0]))
+        motion += 1
+    assert WARM < max(heats) < 1.0
+    assert motion * TICKS * period > 12.0, "and goes on at half its speed at least"
 
 
 def test_the_fingers_open_as_far_as_planned_and_hold_as_firmly(arm: Arm, line: Any) -> None:

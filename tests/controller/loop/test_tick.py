@@ -67,7 +67,7 @@ class Arm:
         )  # fmt: skip
 
 
-EVENTS = st.sampled_from(["push", "stop", "hold", "resume", "admit", "fault", "nothing", "nothing", "nothing"])
+EVENTS = st.sampled_from(["push", "stop", "hold", "resume", "admit", "warm", "fault", "nothing", "nothing"])
 
 
 @settings(max_examples=25)
@@ -109,6 +109,8 @@ def test_whatever_happens_both_know_the_same_after_each_tick(
             elif event == "admit":
                 until = supervisor.measurement.tick + 100
                 supervisor.admission.playback.admit(AdmitSpeed(0.5, until, EVERYWHERE), supervisor.measurement.tick)
+            elif event == "warm":
+                supervisor._protection._screen.squares[1] = 0.96 * PARAMETERS.drive.rated_torque**2
         for _ in range(ticks):
             noise = rng.normal(0.0, 0.02, 2)
             seen = (float(noise[0]) + push[0], float(noise[1]) + push[1])
