@@ -21,7 +21,7 @@ from typing import Final
 import chess
 
 from engine.answers import Candidate
-from engine.policy import MATE
+from engine.draws_and_resigning import MATE
 
 NODES: Final = 1000
 """Positions searched for a move: every legal move is seen once or twice, in some 15 ms."""

@@ -8,8 +8,8 @@ import random
 
 import chess
 
+from engine.draws_and_resigning import MATE
 from engine.errors import EngineRefused
-from engine.policy import MATE
 from engine.stockfish import Candidate, Engine, EngineSettings
 
 OPENING_PLIES = 8

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from app.pieces.order import Point
 from hardware.table import Place, TableSettings
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import TOLERANCE
+
+MOST_TRIES: Final = 6
+"""To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""
+SWUNG_AFTER: Final = 2
+"""Each time that it did not come up so often, it is pushed first, so that it lies otherwise."""
 
 
 @dataclass(frozen=True, slots=True)

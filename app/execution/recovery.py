@@ -18,7 +18,7 @@ import numpy as np
 from app import UserError
 from app.execution.carrier import Carrier
 from app.execution.clearing import Clearing
-from app.execution.fallen import Fallen, Leaning, unaided, with_missing
+from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, unaided, with_missing
 from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
@@ -43,10 +43,6 @@ _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CEN
 """Off its centre may be what lies along the view: a closer look tells."""
 FRUITLESS: Final = 3
 """After so many looks at what a person should have put right, it says what it sees, and how to go on or leave."""
-MOST_TRIES: Final = 6
-"""To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""
-SWUNG_AFTER: Final = 2
-"""Each time that it did not come up so often, it is pushed first, so that it lies otherwise."""
 FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import chess
 
@@ -13,6 +13,10 @@ from app.terminal.interface import UserInterface
 if TYPE_CHECKING:
     from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
+
+FORBEARANCE: Final = 2.0
+"""So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
+castling or for a queen [s, wall]."""
 
 
 class Complaints:

@@ -18,7 +18,7 @@ from app.execution.state import KEPT, WRONG, Remark
 from app.execution.table import Table
 from app.game.advising import Advising
 from app.game.clock import side_name
-from app.game.complaints import Complaints
+from app.game.complaints import FORBEARANCE, Complaints
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
 from app.game.remote_turn import ANY_TIME, RemoteTurn
@@ -41,9 +41,6 @@ if TYPE_CHECKING:
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
-FORBEARANCE: Final = 2.0
-"""So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
-castling or for a queen [s, wall]."""
 
 _HERE: Final = "that is for games against somebody elsewhere: here you play against the robot"
 

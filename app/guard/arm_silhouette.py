@@ -33,8 +33,14 @@ from hardware.parameters import RobotParameters
 from hardware.piece_set import PIECE_SHAPES
 from hardware.table import TableSettings
 from vision.arrays import Array
-from vision.hands.arm_mask import Capsules
+from vision.board.view import BoardView
+from vision.hands.arm_mask import Capsules, Hidden, draw_mask
 
+MARGIN: Final = 0.008  # the arm is masked so much thicker than it is: what calibration and interpolation may err [m] …
+APART: Final = 0.020
+"""What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
+full speed moves in the time by which a frame's stamp errs."""
+GROW: Final = 4  # … and so much wider in the picture: edges that a depth camera smears [px]
 HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.values())
 HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())
 HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAPES.values())
@@ -171,3 +177,21 @@ class ArmHistory:
 def _between(one: ArmPose, other: ArmPose, share: float) -> ArmPose:
     a, b, c = ((1.0 - share) * p + share * q for p, q in zip(one.angle, other.angle, strict=True))
     return ArmPose((a, b, c), (1.0 - share) * one.finger + share * other.finger)
+
+
+class ArmMasks:
+    """Where the arm of a robot, above a table, is before that in a frame of a view, by the history of where it was."""
+
+    def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
+        self._view, self._parameters, self._table, self._history = view, parameters, table, history
+        self._last: tuple[ArmPose, Hidden] | None = None
+
+    def at(self, stamp: float) -> Hidden | None:
+        """Where it was in a frame of this stamp [s]; None where nobody knows."""
+        pose = self._history.at(stamp)
+        if pose is None:
+            return None
+        if self._last is None or self._last[0] != pose:
+            capsules = arm_capsules(self._parameters, self._table, pose)
+            self._last = pose, Hidden(draw_mask(self._view, capsules, MARGIN, GROW), capsules.grown(APART))
+        return self._last[1]

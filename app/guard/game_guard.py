@@ -8,8 +8,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, Self
 
-from app.guard.arm_silhouette import ArmHistory
-from app.guard.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
+from app.guard.arm_silhouette import ArmHistory, ArmMasks
+from app.guard.hand_guard import Blind, GuardStop, HandGuard
 from app.guard.separation import Separation
 from app.rig.depth_scale import scaled_frames
 from app.rig.devices import GuardFrames, Holder, Rig, RigFailed

@@ -18,23 +18,15 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from app import UserError
-from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
+from app.guard.arm_silhouette import ArmMasks
 from app.guard.separation import Separation
 from app.rig.devices import GuardFrames, Holder
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
-from hardware.parameters import RobotParameters
-from hardware.table import TableSettings
 from vision.board.view import BoardView
-from vision.hands.arm_mask import Hidden, draw_mask
 from vision.hands.stillness import Seen, Watch
 
 FRAME_AGE: Final = 1.0  # frames older than this say nothing about the present [s]; a late one is left out and told of
-MARGIN: Final = 0.008  # the arm is masked so much thicker than it is: what calibration and interpolation may err [m] …
-APART: Final = 0.020
-"""What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
-full speed moves in the time by which a frame's stamp errs."""
-GROW: Final = 4  # … and so much wider in the picture: edges that a depth camera smears [px]
 _Shown = tuple[Frame | DepthFrame, Seen]
 Listener = Callable[[Frame | DepthFrame, Seen], None]
 
@@ -64,24 +56,6 @@ class _Request:
     after: float | None = None  # it shall be stamped later [s]; None: it shall be a new one
     first: int = 0  # number of the first frame that will do
     found: _Shown | None = None  # the frame
-
-
-class ArmMasks:
-    """Where the arm of a robot, above a table, is before that in a frame of a view, by the history of where it was."""
-
-    def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
-        self._view, self._parameters, self._table, self._history = view, parameters, table, history
-        self._last: tuple[ArmPose, Hidden] | None = None
-
-    def at(self, stamp: float) -> Hidden | None:
-        """Where it was in a frame of this stamp [s]; None where nobody knows."""
-        pose = self._history.at(stamp)
-        if pose is None:
-            return None
-        if self._last is None or self._last[0] != pose:
-            capsules = arm_capsules(self._parameters, self._table, pose)
-            self._last = pose, Hidden(draw_mask(self._view, capsules, MARGIN, GROW), capsules.grown(APART))
-        return self._last[1]
 
 
 class HandGuard:

@@ -18,8 +18,8 @@ from app.settings.defaults import PlayerKind, Settings
 from app.settings.time_control import TimeControl
 from app.terminal.interface import UserInterface
 from engine.book import Book, BookSettings
+from engine.draws_and_resigning import RESIGNING, DrawResignPolicy
 from engine.openings import OPENING_PLIES, opening_engine, varied_opening
-from engine.policy import RESIGNING, DrawResignPolicy
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
 from hardware.interfaces import Pace

@@ -11,7 +11,7 @@ import chess.engine
 from app.players.decision import Decision
 from app.players.tablebase import Tablebase
 from engine.book import Book
-from engine.policy import DrawResignPolicy
+from engine.draws_and_resigning import DrawResignPolicy
 from engine.stockfish import Engine, EngineMove
 
 EXPECTING: Final = 0.1

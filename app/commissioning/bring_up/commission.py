@@ -80,7 +80,7 @@ def _go_on(site: CommissionSite, path: Path, done: Commissioning, game: bool) ->
             return _report(site.name, done, states, findings)
         number = list(CommissionStep).index(step) + 1
         site.progress(f"step {number} of {len(CommissionStep)}, {step}: {WHAT[step]}")
-        if not site.person.agrees("go on?"):
+        if not site.person.goes_on():
             return _report(site.name, done, states, findings)
         require_free(site)
         findings = tuple(RUNS[step](site))

@@ -45,6 +45,10 @@ class Commissioner:
         """Whether they say yes, which Enter says too."""
         return self._read is None or self._read(f"{question} [Y/n] ").strip().lower() not in _NO
 
+    def goes_on(self) -> bool:
+        """Whether the next step may begin."""
+        return self.agrees("go on?")
+
     def sees_room(self, believed: float, needed: float) -> bool:
         """Whether the tool is as high above the board as is needed, though the encoders say that it is not; both [m].
 

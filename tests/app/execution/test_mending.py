@@ -18,8 +18,9 @@ import pytest
 
 from app import UserError
 from app.execution.carrier import Carried
+from app.execution.fallen import MOST_TRIES, SWUNG_AFTER
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
-from app.execution.recovery import FRUITLESS, MOST_ROUNDS, MOST_TRIES, SWUNG_AFTER, Recovery
+from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position, Told
 from app.execution.table import Table

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from app.game.person import HandNotice
-from app.guard.arm_silhouette import ArmHistory
+from app.guard.arm_silhouette import ArmHistory, ArmMasks
 from app.guard.game_guard import GameGuard
-from app.guard.hand_guard import ArmMasks, Blind, HandGuard
+from app.guard.hand_guard import Blind, HandGuard
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters

@@ -14,7 +14,7 @@ from app.measure.bench.clock import play
 from app.players.engine_player import EnginePlayer
 from app.settings.time_control import TimeControl
 from engine.answers import EngineMove
-from engine.policy import DrawResignPolicy
+from engine.draws_and_resigning import DrawResignPolicy
 from engine.stockfish import DEBIAN_PATH, Engine, EngineSettings
 
 Limit = chess.engine.Limit

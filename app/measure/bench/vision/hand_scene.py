@@ -20,9 +20,9 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.guard.arm_silhouette import ArmHistory
+from app.guard.arm_silhouette import ArmHistory, ArmMasks
 from app.guard.game_guard import LATENCY
-from app.guard.hand_guard import ArmMasks, HandGuard, Listener
+from app.guard.hand_guard import HandGuard, Listener
 from app.guard.separation import Separation
 from app.motion import PROFILES, Profile, contact_speeds
 from app.pieces.inventory import Inventory

@@ -7,7 +7,7 @@ import chess.engine
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.policy import DrawResignPolicy
+from engine.draws_and_resigning import DrawResignPolicy
 
 Cp, Mate = chess.engine.Cp, chess.engine.Mate
 LATE = chess.Board("4k3/8/8/8/8/8/8/4K2R w - - 0 60")
