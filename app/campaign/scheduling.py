@@ -16,12 +16,8 @@ from typing import Final
 from app import UserError
 from app.campaign.schema import TaskResult
 from app.campaign.task import CampaignTask
-from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
+from app.campaign.troubles import DEATHS, TROUBLES, BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
 
-DEATHS: Final = 2
-"""After so many a task is tried alone."""
-TROUBLES: Final = 3
-"""A task that no machine could carry so often ends the campaign."""
 GLANCE: Final = 0.25
 """So often somebody is told that time goes by [s, wall]."""
 

@@ -9,6 +9,10 @@ MACHINE: Final = frozenset({
     errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS,
 })  # fmt: skip
 """Errors of a machine, not of a game."""
+DEATHS: Final = 2
+"""After so many a task is tried alone."""
+TROUBLES: Final = 3
+"""A task that no machine could carry so often ends the campaign."""
 
 
 class EnvironmentDiffers(Exception):

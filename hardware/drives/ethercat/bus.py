@@ -22,12 +22,6 @@ from hardware.parameters import RobotParameters
 
 REPLY: Final = 3
 """A frame may be under way for so many periods before it is lost: a busy computer is late, a cable is not."""
-WRONG: Final = 3
-"""Working counters in a row that are wrong before the bus asks who is missing."""
-FRAMES, LOSSES = 500, 0.1
-"""Among so many frames, the last ones, a larger share of lost ones is a fault."""
-STAY: Final = 1.0
-"""A drive that does not follow its control word for so long is a fault [s]; power stages take some tenths."""
 RESETTING: Final = 0.5
 """So long a fault that is being reset counts as reset [s]."""
 LIFT_EVERY: Final = 0.02
@@ -79,7 +73,7 @@ class EtherCatServoBus:
         self.fault: DriveFault | None = None
         self.lost = 0
         self.times: ExchangeTimes | None = None
-        self._came: deque[bool] = deque(maxlen=FRAMES)
+        self._came: deque[bool] = deque(maxlen=faults.FRAMES)
         self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
         self._cleared_since = self._wanted_since = self._lifted = self._asked = time.monotonic()
@@ -140,9 +134,9 @@ class EtherCatServoBus:
             self._wrong = 0
             return True
         self._wrong = 0 if counter < 0 else self._wrong + 1
-        if self._wrong >= WRONG and self._latched is None:
+        if self._wrong >= faults.WRONG and self._latched is None:
             self._latch(faults.of_health(network.health()) or faults.of_counter(counter, network.expected))
-        return self._wrong >= WRONG
+        return self._wrong >= faults.WRONG
 
     def _wanted(self, command: Command) -> Wanted:
         if self._latched is not None or self._lossy or not command.enable:
@@ -252,7 +246,7 @@ class EtherCatServoBus:
             if ill is not None:
                 self._latch(ill)
                 return
-        if now - self._wanted_since > STAY:
+        if now - self._wanted_since > faults.STAY:
             place, state = self._settings.place(lagging), self._axes[lagging].state
             self._latch(faults.of_stay(lagging, place, state, now - self._wanted_since))
 
@@ -317,11 +311,11 @@ class EtherCatServoBus:
         """Frames that do not come back, one by one."""
         if self._lossy:
             return
-        if len(self._came) == FRAMES and not self._came[0]:
+        if len(self._came) == faults.FRAMES and not self._came[0]:
             self._losses -= 1
         self._came.append(not lost)
         self._losses += lost
-        self._lossy = self._losses > LOSSES * FRAMES
+        self._lossy = self._losses > faults.LOSSES * faults.FRAMES
 
     def _grown(self) -> list[tuple[Device, int, int]]:
         chain, counts = self._settings.chain, self._network.receive_errors()

@@ -1,6 +1,7 @@
 """What went wrong on the cable, from what was seen to a ``DriveFault``: pure functions."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from hardware.drives.ethercat import al_status
 from hardware.drives.ethercat.cia402 import DriveState
@@ -10,7 +11,18 @@ from hardware.drives.ethercat.settings import ARMS, Device
 from hardware.drives.faults import DriveFault, DriveFinding
 from hardware.interfaces import DriveTrouble
 
-NUMBERS = {**{arm: number for number, arm in enumerate(ARMS, 1)}, Device.GRIPPER: 4, Device.FORCES: 5, Device.OTHER: 0}
+WRONG: Final = 3
+"""Working counters in a row that are wrong before the bus asks who is missing."""
+FRAMES, LOSSES = 500, 0.1
+"""Among so many frames, the last ones, a larger share of lost ones is a fault."""
+STAY: Final = 1.0
+"""A drive that does not follow its control word for so long is a fault [s]; power stages take some tenths."""
+NUMBERS: Final = {
+    **{arm: number for number, arm in enumerate(ARMS, 1)},
+    Device.GRIPPER: 4,
+    Device.FORCES: 5,
+    Device.OTHER: 0,
+}
 """Of devices in a ``DriveFault``."""
 
 
