@@ -33,8 +33,9 @@ WARM: Final = 0.92
 """Servomotors whose mean square of torque is a larger share of what they are rated for are spared."""
 SLOWEST: Final = 0.3
 """The least σ of warm servomotors: nine tenths less acceleration, and what is left is little more than holding."""
-_CALM: Final = 5.0
-"""So quickly that σ falls and rises [1/s]: at 2 m/s as quickly as half of `CHANGE`."""
+_CALM: Final = 1.0
+"""So quickly that σ falls and rises [1/s]: the tool's deceleration for it, up to 2 m/s², is not to add to what braking
+takes already."""
 _AT, _RATE, _SLOPE, _TICK, _SPEED, _PLAYED = range(6)
 """Where in the motion the reference is [samples], σ, dσ/dt [1/s], tick of these, admitted and played speed [m/s]."""
 _ADMITTED, _UNTIL, _BORDERS = 6, 7, 8
@@ -44,6 +45,8 @@ _SHARED, _ALWAYS, _PERIOD = 24, 25, 26
 _PACE: Final = 27
 """σ that the servomotors' warmth admits; negative before the motion begins."""
 PLAYBACK_SIZE: Final = 28
+_GUARD: Final = 17
+"""Of a sample as a row, 0 where there is none."""
 
 
 @compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR))
@@ -154,7 +157,8 @@ def blend(
         out: position, velocity, acceleration and gains go here, shape (16,).
 
     Returns:
-        Velocity of the fingers [m/s]: they open in the time of the motion; what they hold they go on pressing.
+        Velocity of the fingers [m/s]: they open and close by a way in the time of the motion; what a guard says that
+        they hold, or are to, they go on pressing.
     """
     rest = 1.0 - share
     for i in range(3):
@@ -168,7 +172,7 @@ def blend(
     for i in range(9, 16):
         out[i] = rest * before[i] + share * after[i]
     finger: float = before[16]
-    return finger * rate if finger > 0.0 else finger
+    return finger * rate if finger > 0.0 or before[_GUARD] == 0.0 else finger
 
 
 @compiled_as(STATUS(ROW, TABLE, ROW, ROW))

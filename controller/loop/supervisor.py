@@ -172,10 +172,12 @@ class Supervisor:
         state = self.state
         if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
             self._control(measurement, trouble or check_drives(int(measurement.status)))
-        elif state is State.BOOT:
-            self._boot(measurement, trouble)
-        elif state is State.OFF:
-            self._switch_off(measurement, trouble)
+        else:
+            self._protection.motors(NO_TORQUE)  # on the brakes they cool
+            if state is State.BOOT:
+                self._boot(measurement, trouble)
+            elif state is State.OFF:
+                self._switch_off(measurement, trouble)
         self.machine.retire_at_rest()
 
     def _estimate(self, measurement: Measurement) -> Violation | None:

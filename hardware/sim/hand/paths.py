@@ -26,6 +26,8 @@ _STAGINGS: Final = 8
 _LONGEST_RETREAT: Final = 0.35
 EMPTY_WIDTH: Final = 0.036
 """To each side of the way of empty fingers [m]."""
+_GLANCE: Final = 0.02
+"""Apart, where a stroke is looked at for being too quick [s]."""
 CAREFUL: Final = 0.20
 """A hand that has to pass closer to the robot goes no faster than this [m/s]."""
 
@@ -120,20 +122,35 @@ class Traveller:
         wide: float, *, careful: bool = False,
     ) -> Sketch:  # fmt: skip
         """On each straight part only as high as what stands below it wants, and as fast as the robot's tool allows."""
-        sketch, speed = Sketch(start, self.speed), self.speed
+        sketch, before = Sketch(start, self.speed), self.speed
+
+        def stroke(end: HandPose, overlap: float) -> None:
+            nonlocal before
+            here = sketch.pose
+            speed = CAREFUL if careful and self._hurries_past(sight, here, end) else self.speed
+            # what is slow is not left sooner than what is quick
+            by = overlap * min(1.0, before / speed)
+            sketch.to(x=end.x, y=end.y, z=end.z, yaw=end.yaw, overlap=by, speed=speed)
+            before = speed
+
         for pose in (*between, end):
             line = (sketch.pose.x, sketch.pose.y), (pose.x, pose.y)
             z = max(sight.highest(*line, width=wide) + CLEARANCE, LEAST_LIFT) + below
-            rises = z > sketch.pose.z or bool(between)
-            if careful:
-                over = sketch.pose._replace(z=z if rises else sketch.pose.z)
-                straight = Sketch(over, CAREFUL).to(x=pose.x, y=pose.y, yaw=pose.yaw).done()
-                close = sight.arm_room(sketch.pose, *_samples(straight)) < ENOUGH_ARM_ROOM / 2.0
-                speed = min(self.speed, CAREFUL) if close else self.speed
-            if rises:
-                sketch.to(z=z, overlap=0.15, speed=speed)
-            sketch.to(x=pose.x, y=pose.y, yaw=pose.yaw, overlap=0.25, speed=speed)
-        return sketch.to(z=z, overlap=0.3, speed=speed) if z < sketch.pose.z else sketch
+            if z > sketch.pose.z or between:
+                stroke(sketch.pose._replace(z=z), 0.15)
+            stroke(pose._replace(z=sketch.pose.z), 0.25)
+        if z < sketch.pose.z:
+            stroke(sketch.pose._replace(z=z), 0.3)
+        return sketch
+
+    def _hurries_past(self, sight: TableView, start: HandPose, end: HandPose) -> bool:
+        """Whether a stroke would be faster than ``CAREFUL`` close to the robot: corners may make it closer still."""
+        stroke = Sketch(start, self.speed).to(x=end.x, y=end.y, z=end.z, yaw=end.yaw).done()
+        for time in np.arange(0.0, stroke.duration, _GLANCE).tolist():
+            position, velocity, _ = stroke.at(time)
+            if np.linalg.norm(velocity[:3]) > CAREFUL and sight.arm_room(HandPose(*position)) < ENOUGH_ARM_ROOM:
+                return True
+        return False
 
 
 def around(pose: HandPose, yaw: float) -> list[HandPose]:

@@ -14,19 +14,22 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.supervisor import Supervisor
 from controller.loop.tick import FlightRing, plain_tick
 from controller.model.constants import DeltaModel
-from controller.protection.limits import default_limits
+from controller.protection.limits import Limits, default_limits
 from controller.protocol import Guard
 from controller.protocol.layout import CommandCode, MotionFlag
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
+from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 from tests.controller.conftest import FakeBus, line_samples
 
 PARAMETERS = load_parameters()
-LIMITS = default_limits(PARAMETERS, TableSettings())
+ALONE, NEAR_PEOPLE = (
+    default_limits(PARAMETERS, TableSettings(limits=CONTACT_PROFILES[name])) for name in ("default", "separation")
+)
 EVERYWHERE = (0.0, 0.0, 0.0, 1.0) * 4
 """Planes that a speed is admitted between: all space."""
 
@@ -34,10 +37,10 @@ EVERYWHERE = (0.0, 0.0, 0.0, 1.0) * 4
 class Arm:
     """A supervisor with a plant of its own; ``closely``: none of its ticks is plain."""
 
-    def __init__(self, closely: bool) -> None:
+    def __init__(self, closely: bool, limits: Limits = ALONE) -> None:
         self.bus = FakeBus(PARAMETERS)
         law = TaskSpaceController(DeltaModel(PARAMETERS))
-        self.supervisor = Supervisor(law, LIMITS, ControllerSettings(), self.bus.period, lockstep=True)
+        self.supervisor = Supervisor(law, limits, ControllerSettings(), self.bus.period, lockstep=True)
         self.ring, self.plain, self.closely = FlightRing(4000), 0, closely
         self.supervisor.plain.note_into(self.ring)
 
@@ -77,13 +80,14 @@ EVENTS = st.sampled_from(["push", "stop", "hold", "resume", "admit", "warm", "fa
     level=st.sampled_from([0.5, 3.0]),
     way=st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.floats(-0.05, 0.02)),
     length=st.integers(60, 300), fingers=st.sampled_from([-0.03, 0.0, 0.02]), seed=st.integers(0, 1000),
+    limits=st.sampled_from([ALONE, NEAR_PEOPLE]),
 )  # fmt: skip
 def test_whatever_happens_both_know_the_same_after_each_tick(
     draws: list[tuple[int, str]], guard: Guard, level: float, way: tuple[float, float, float], length: int,
-    fingers: float, seed: int,
+    fingers: float, seed: int, limits: Limits,
 ) -> None:  # fmt: skip
     rng = np.random.default_rng(seed)
-    arms = Arm(closely=False), Arm(closely=True)
+    arms = Arm(closely=False, limits=limits), Arm(closely=True, limits=limits)
     for arm in arms:
         arm.bus.object_at = 0.006
         for _ in range(4):

@@ -32,6 +32,7 @@ from app.motion.settings import HIGHEST_HOME
 from app.motion.timing.reference import Bounds
 from app.motion.timing.torque import EVERY
 from app.pieces.inventory import Inventory, Stage, Transfer
+from controller.loop.playback import WARM
 from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import inverse_kinematics
@@ -59,6 +60,8 @@ _CALM: Final = Bounds(0.3, 3.0, 60.0)
 """On the way to where the cycle begins [m/s, m/s², m/s³]."""
 _SPARE: Final = 0.96
 """Share of each limit that a plan may take, but for the peak torque, of which the settings say it."""
+_BORNE: Final = 0.98 * math.sqrt(WARM)
+"""The same of the mean torque: beyond ``WARM`` the controller slows the arm down, and tracking adds two percent."""
 _SHARPNESS: Final = (60.0, 120.0, 240.0, 480.0)
 """Jerks that are tried, over accelerations [1/s]."""
 _STEPS: Final = 8
@@ -193,7 +196,7 @@ def planned(middle: Middle, settings: MotionSettings, load: Load) -> Cycle:
         return Cycle(middle, settings, rest, samples, start, {"mean torque": math.inf})
     acceleration, speed = (np.linalg.norm(samples[of], axis=1).max() for of in ("acceleration", "velocity"))
     used = {
-        "mean torque": float(np.sqrt((torques**2).mean(axis=0).max())) / drive.rated_torque / _SPARE,
+        "mean torque": float(np.sqrt((torques**2).mean(axis=0).max())) / drive.rated_torque / _BORNE,
         "peak torque": float(np.abs(torques).max()) / drive.peak_torque / settings.torque_share,
         "acceleration": float(acceleration) / cell.limits.acceleration / _SPARE,
         "speed": float(speed) / FASTEST,

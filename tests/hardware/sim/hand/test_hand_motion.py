@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
-from hardware.sim.bodies.hand import HandPose
+from hardware.sim.bodies.hand import HandPose, parked
 from hardware.sim.hand.actions import REACH
 from hardware.sim.hand.motion import PEAK, Program, Sketch
+from hardware.sim.hand.paths import CAREFUL, ENOUGH_ARM_ROOM
 from hardware.sim.hand.plan import Person, grip_height, held_now
 from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.table import Place, TableSettings
@@ -103,6 +104,22 @@ def test_every_square_and_tray_is_reached_clear_of_the_arm_at_home(side: Colour)
         poses = [HandPose(*program.at(float(t)).position.tolist()) for t in np.arange(0.0, program.duration, 0.02)]
         assert sight.arm_room(*poses) > 0.0, place
         assert max(abs(x), abs(y)) < REACH
+
+
+def test_a_hand_creeps_past_the_arm_and_nowhere_else() -> None:
+    """Home from between pawns, beside and below the tool."""
+    sight, creeping = TableView(full_board(Kind.PAWN)[8:16], HOME), 0
+    for name in ("b2", "b3", "b4", "c2", "c3", "d2", "d3", "e2", "e3", "f3", "g4"):
+        x, y = TABLE.xy(Place.parse(name))
+        start = HandPose(x, y, 0.05, WHITE.natural_yaw(x, y), 0.008)
+        program = WHITE.home(sight, start, parked(Colour.WHITE))
+        for time in np.arange(0.0, program.duration, 0.01).tolist():
+            position, velocity, _ = program.at(time)
+            if sight.arm_room(HandPose(*position)) < ENOUGH_ARM_ROOM / 2.0:
+                assert np.linalg.norm(velocity[:3]) < 1.1 * CAREFUL, name
+                creeping += 1
+        assert program.duration < 3.0, name
+    assert creeping > 50
 
 
 def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
