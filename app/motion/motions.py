@@ -28,7 +28,7 @@ def motion_of(
     _check(cell, label, route)
     route, done = _within_torque(cell, label, route)
     motion = Motion(
-        label, done.samples, done.expected, grips=route.grips, touches=route.touches,
+        label, done.samples, done.expected, grips=route.grips is not None, touches=route.touches,
         continuation=cell.continuation(route), paths=done.paths, transfer=transfer, stage=stage,
     )  # fmt: skip
     return motion, done.finger

@@ -217,11 +217,12 @@ def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, 
 
 def _grasp(cell: Workcell, transfer: Transfer, point: Vector, finger: float) -> Route:
     """Close until both pads feel the piece."""
-    height = transfer.shape.grip_height
-    patience = _grip_time(cell, transfer, finger) + cell.settings.grip.patience
+    height, grip = transfer.shape.grip_height, cell.settings.grip
+    patience = _grip_time(cell, transfer, finger) + grip.patience
+    way = finger - grip.within - closed_position(transfer.kind, cell.parameters.pads)
     return Route(
         np.array([point]), np.zeros(0), (), contact=(height, height), finger=finger, wait=patience,
-        soft_start=Softness.BEGINS, grips=True,
+        soft_start=Softness.BEGINS, grips=max(0.0, way / grip.closing_speed),
     )  # fmt: skip
 
 

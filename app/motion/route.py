@@ -52,8 +52,8 @@ class Route:
     """z1 yields at the start: it has, or begins to."""
     touches: bool = False
     """The way goes straight on below its end, slowly, until the tool touches."""
-    grips: bool = False
-    """The fingers close until they grip."""
+    grips: float | None = None
+    """The fingers close until they grip, which from so much later on may be believed [s]; None: they grip nothing."""
     holds: bool = False
     """A piece is in the fingers; the arm stops where it gets lost before the tool goes down to touch."""
 
@@ -98,8 +98,9 @@ def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: fl
         samples["guard"], samples["guard_level"] = Guard.HELD, settings.grip.held_force
     if route.touches:
         samples["guard"][moved:], samples["guard_level"][moved:] = Guard.TOUCH, settings.touch_force
-    if route.grips:
-        samples["guard"], samples["guard_level"] = Guard.GRIP, settings.grip.guard_force
+    if route.grips is not None:
+        sure = samples[math.floor(route.grips / tick) :]
+        sure["guard"], sure["guard_level"] = Guard.GRIP, settings.grip.guard_force
     if route.soft_start is not Softness.STIFF:
         samples["tactile_gain"] = settings.gains.tactile_gain * (samples["stiffness"][:, 0] < 1.0)
     samples.flags.writeable = False

@@ -46,7 +46,10 @@ class Grip(Frozen):
     opening_speed: PositiveFloat = 0.080
     """[m/s]"""
     guard_force: PositiveFloat = 3.0
-    """Both pads must feel this before a piece counts as gripped [N]."""
+    """Both pads must feel this before a piece counts as gripped [N] …"""
+    within: PositiveFloat = 0.001
+    """… once the fingers may be so near to where they hold it: a piece that is off its place is met sooner, by fingers
+    that are still quick, and for some milliseconds it resists as if it were gripped [m]."""
     held_force: PositiveFloat = HELD_FORCE
     """A pad that feels less on the way has lost the piece, and the arm stops: fingers that open by themselves, or what
     has fallen, may be in its way [N]."""
