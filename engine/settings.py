@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 THREADS: Final = 1
 HASH_MB: Final = 16
 """Of a player that says nothing else [MiB]: enough for some seconds of search on one thread."""
+BOOK_PLIES: Final = 20
+"""So far a game may follow an opening book, if nothing else is said [plies]."""
 OptionValue = StrictBool | StrictInt | str
 """Of a UCI option; True presses a button."""
 

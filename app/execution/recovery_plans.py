@@ -17,9 +17,10 @@ import numpy as np
 from app.motion.fallen.lying import LoosePieces, Lying, crowd_of
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
+from app.motion.finger_opening import fits_around
 from app.motion.obstacles import Obstacle
 from app.motion.plan import Plan, PlanRefused
-from app.motion.planner import Planner, fits_around
+from app.motion.planner import Planner
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from hardware.parameters import RobotParameters

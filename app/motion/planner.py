@@ -13,11 +13,12 @@ import numpy as np
 
 from app.motion.arcs import Arc, Workcell, homewards, over
 from app.motion.fallen.lying import NO_LOOSE_PIECES, LoosePieces, standing_near
+from app.motion.finger_opening import least_opening, open_beside, opening_at
 from app.motion.gain_schedule import Softness
 from app.motion.motions import loosened, motion_of
-from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
+from app.motion.obstacles import Crowd, Obstacle, closed_position
 from app.motion.path import Vector
-from app.motion.plan import InTheWay, Motion, Plan, PlanRefused
+from app.motion.plan import Motion, Plan
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.pieces.inventory import Inventory, PieceBoxed, Stage, Transfer
@@ -27,8 +28,6 @@ from hardware.table import Place, TableSettings
 
 GRAVITY: Final = 9.81
 """[m/s²]"""
-_OPENINGS: Final = 4
-"""So many openings of the fingers are tried, from the widest to the least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +116,7 @@ class Planner:
         if held_up_at is not None:
             before = (loosened(cell, point, np.asarray(held_up_at, dtype=float)),)
             point = before[0].samples["position"][-1].astype(float)
-        opens = finger if release is None else max(finger, _least_opening(cell, release))
+        opens = finger if release is None else max(finger, least_opening(cell, release))
         wait = (opens - finger) / cell.settings.grip.opening_speed
         low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
         route = Route(
@@ -131,57 +130,9 @@ class Planner:
 # fingers
 
 
-def _least_opening(cell: Workcell, kind: Kind) -> float:
-    pads, gripper = cell.parameters.pads, cell.parameters.gripper
-    position = closed_position(kind, pads) + cell.settings.grip.opening_margin
-    if position > gripper.stroke:
-        raise PlanRefused(
-            f"a {kind} needs the fingers {position * 1e3:.1f} mm open, the gripper opens "
-            f"{gripper.stroke * 1e3:.1f} mm: use thinner pieces or a wider gripper"
-        )
-    return position
-
-
 def _height(cell: Workcell, transfer: Transfer, place: Place) -> float:
     """Of the tool over the board where it takes the piece from a place or lets go of it there [m]."""
     return cell.height(transfer.kind, place) + transfer.raised
-
-
-def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[float, float], others: Crowd) -> float:
-    """As wide as is useful and as neighbours and boxes leave room for [m]; ``PlanRefused`` if that is too little."""
-    grip, pads = cell.settings.grip, cell.parameters.pads
-    x, y = point
-    tip = _height(cell, transfer, place) - pads.half_height
-    least = _least_opening(cell, transfer.kind)
-    widest = min(closed_position(transfer.kind, pads) + grip.widest_margin, cell.parameters.gripper.stroke)
-    for part in range(_OPENINGS):
-        opening = widest + part / (_OPENINGS - 1) * (least - widest)
-        neighbour = blocking_neighbour(x, y, opening, tip, others, pads)
-        if neighbour is None and not box_in_the_way(x, y, opening, tip, others, pads):
-            return opening
-    if neighbour is None:
-        raise PlanRefused(
-            f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch a box: enlarge box_gap of the table"
-        )
-    raise InTheWay(
-        f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch the {neighbour.kind} on "
-        f"{neighbour.place}: move that piece first or use larger squares",
-        neighbour,
-        Obstacle(transfer.name, place, x, y, transfer.kind),
-    )
-
-
-def fits_around(piece: Obstacle, others: Crowd, cell: Workcell) -> bool:
-    """Whether the fingers get down around a piece where it stands, as far open as they have to be."""
-    pads, opening = cell.parameters.pads, _least_opening(cell, piece.kind)
-    tip = cell.height(piece.kind, piece.place) - pads.half_height
-    blocked = blocking_neighbour(piece.x, piece.y, opening, tip, others, pads) is not None
-    return not (blocked or box_in_the_way(piece.x, piece.y, opening, tip, others, pads))
-
-
-def _beside(cell: Workcell, kind: Kind) -> float:
-    """Finger position beside a piece that may stand off its place, before the fingers close slowly [m]."""
-    return closed_position(kind, cell.parameters.pads) + cell.settings.grip.beside
 
 
 def _grip_time(cell: Workcell, transfer: Transfer, finger: float) -> float:
@@ -204,14 +155,14 @@ def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, 
     """Over to the piece with the fingers opening, then straight down to the grip height."""
     shape = transfer.shape
     there = transfer.grasped_at(cell.table)
-    opening = _opening(cell, transfer, transfer.source, there, stands.without(transfer.name))
+    opening = opening_at(cell, transfer, transfer.source, there, stands.without(transfer.name))
     x, y, height = cell.board(point)
     wait = max(0.0, opening - finger) / cell.settings.grip.opening_speed if low else 0.0
     arc = Arc((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
     return Route(
         *over(cell, arc, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
         opens=max(opening, finger) if low else opening, then=opening if low else None,
-        closes=_beside(cell, transfer.kind),
+        closes=open_beside(cell, transfer.kind),
     )  # fmt: skip
 
 
@@ -232,7 +183,7 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
     x, y, height = cell.board(point)
     closed = closed_position(transfer.kind, cell.parameters.pads)
     there = cell.table.xy(transfer.target)
-    _opening(cell, transfer, transfer.target, there, others)
+    opening_at(cell, transfer, transfer.target, there, others)
     low, drops = shape.grip_height, transfer.target.in_box
     end = _height(cell, transfer, transfer.target) + (0.0 if drops else settings.touch_height)
     arc = Arc((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
@@ -248,7 +199,7 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     pads = cell.parameters.pads
     beside, drops = stands.without(transfer.name), transfer.target.in_box
     place = table.xy(transfer.target)
-    opening, closed = (_opening(cell, transfer, transfer.target, place, beside), closed_position(transfer.kind, pads))
+    opening, closed = (opening_at(cell, transfer, transfer.target, place, beside), closed_position(transfer.kind, pads))
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
     wait += cell.parameters.gripper.reflected_mass / cell.parameters.gripper.velocity_gain
     wait += fall_time(transfer.kind, pads) if drops else 0.0
@@ -258,11 +209,11 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     else:
         low = following.shape.grip_height
         there = following.grasped_at(table)
-        then = _opening(cell, following, following.source, there, stands.without(following.name))
+        then = opening_at(cell, following, following.source, there, stands.without(following.name))
         end = (*there, low)
     arc = Arc(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(
         *over(cell, arc, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
-        then=then, closes=None if following is None else _beside(cell, following.kind),
+        then=then, closes=None if following is None else open_beside(cell, following.kind),
         soft_start=Softness.STIFF if drops else Softness.BEGINS,
     )  # fmt: skip

@@ -19,6 +19,7 @@ from app.scene.arm import (
     tool_solids,
 )
 from app.scene.solids import Cuboid, Finish, Solid
+from app.scene.table import PLACE_RADIUS
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.protection.limits import default_limits
@@ -30,8 +31,6 @@ from hardware.turned_shapes import CARVINGS, KING_CROSS, KNIGHT_HEAD, KNIGHT_LAY
 
 FELT_POINTS: Final = 2
 """So many points of an outline belong to the felt."""
-PLACE_RADIUS: Final = 0.0135
-"""Of the mark of a tray's place [m]."""
 _DIGITS: Final = 6
 """Of a length in metres: micrometres."""
 

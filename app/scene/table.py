@@ -14,6 +14,8 @@ from hardware.table import TableSettings, square_place
 
 BOARD_THICKNESS: Final = 0.012
 """Assumed: of the board and of the table beside it, for the eye alone [m]."""
+PLACE_RADIUS: Final = 0.0135
+"""Of the round mark of a place on a tray, as the page draws it [m]."""
 COARSE: Final = 0.0012
 """A piece's outline may be off by so much where it is drawn with few frusta [m]."""
 

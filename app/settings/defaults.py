@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegative
 from app.motion import Profile
 from app.settings.time_control import ArmTime
 from controller.settings import ANY_PORT, LOOPBACK, IPv4
-from engine.settings import HASH_MB, THREADS, OptionValue
+from engine.settings import BOOK_PLIES, HASH_MB, THREADS, OptionValue
 from hardware.interfaces import LINGER, SEED, Pace
 from hardware.piece_set import Colour
 from hardware.table import Captured
@@ -206,7 +206,7 @@ class EngineSection(_Section):
     """Further UCI options by name, as the engine offers them."""
     book: Path | None = None
     """Opening book in Polyglot's format; without one, the seed selects an opening for two engines."""
-    book_plies: PositiveInt = 20
+    book_plies: PositiveInt = BOOK_PLIES
     """Number of plies at the start in which the book is used."""
     syzygy: Path | None = None
     """Folder with Syzygy endgame tables: games of two engines end where the tables know the result, and a person's

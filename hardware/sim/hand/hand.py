@@ -16,7 +16,9 @@ from hardware.sim.hand.actions import Action, HandSettings, Withdraw
 from hardware.sim.hand.motion import Program
 from hardware.sim.hand.routines import HandFailed, Routines
 from hardware.sim.hand.sight import SeenPiece, TableView
+from hardware.sim.plant import strokes
 from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.strokes import NOTHING, ServoStrokes
 from hardware.table import PieceSpec, TableSettings
 
 _STREAM: Final = 0x68616E64
@@ -41,21 +43,23 @@ class Hand:
         model, data = plant.model, plant.data
         self._period = plant.parameters.drive.tick
         self._first = int(model.actuator(JOINTS[0]).id)
+        channels = [min(i, 4) for i in range(len(JOINTS))]  # thumb and index finger share the gap
+        self._places = np.array([(self._first + i, channel) for i, channel in enumerate(channels)])
         self._tree = int(model.body_treeid[model.body(NAME).id])
-        self._forward = [(2.0 * math.sqrt(mass / stiffness), mass / stiffness) for stiffness, mass in servo_constants()]
+        lead = [(2.0 * math.sqrt(mass / stiffness), mass / stiffness) for stiffness, mass in servo_constants()]
+        self._lead = np.array(lead)
         self._kinds = {piece.name: piece.kind for piece in pieces}
         self._bodies = {piece.name: data.body(piece.name) for piece in pieces}
         self._tool = data.site("tool")
         rng = np.random.default_rng([seed, _STREAM])
         self._routines = Routines(self._look, lambda: self._pose, settings, table, rng)
         self._work: Iterator[Program] | None = None
-        self._began = 0
         self._home = parked(settings.side)
         here = self._measured()
         away = math.dist(here[:3], self._home[:3]) > _PARKED_WITHIN
         self._pose = here if away else self._home
-        self._program = Program(self._pose, (), 0.0)
-        self._command(0.0)
+        self._begin(Program(self._pose, (), 0.0))
+        self._command()
         if away:
             self._work = self._routines.leave_off()
             self._allow_sleep(False)
@@ -81,39 +85,49 @@ class Hand:
     def withdraw(self) -> None:
         """Leave off as soon as what has begun to move comes to rest, put down what is held, and go home."""
         if self.busy:
-            self._program = self._program.cut(self._time())
+            self._follow(self._program.cut(strokes.time_at(self._followed, self._plant.tick)))
             self._work = self._routines.leave_off()
         elif math.dist(self._pose[:3], self._home[:3]) > _PARKED_WITHIN:
             self._start((Withdraw(),))
 
     # time
 
+    @property
+    def followed(self) -> ServoStrokes:
+        """What the servos follow, up to a tick in which they have to be led further: see ``drive``."""
+        return self._followed if self.busy else NOTHING
+
     def drive(self) -> bool:
         """Set the servos for the tick that comes; whether actions have just ended, well or not (``failed``)."""
         if self._work is None:
             return False
-        time = self._time()
-        if time > self._program.duration and not self._next():
+        if strokes.over(self._followed, self._plant.tick) and not self._next():
             return True
-        self._command(self._time())
+        self._command()
         return False
 
     def _start(self, actions: tuple[Action, ...]) -> None:
         self.failed = ""
         self._work = self._routines.do(actions)
-        self._program, self._began = Program(self._pose, (), 0.0), self._plant.tick
+        self._begin(Program(self._pose, (), 0.0))
         self._allow_sleep(False)
 
-    def _time(self) -> float:
-        return (self._plant.tick - self._began + 1) * self._period
+    def _begin(self, program: Program) -> None:
+        """Follow another program, from this tick on."""
+        self._began = self._plant.tick
+        self._follow(program)
+
+    def _follow(self, program: Program) -> None:
+        self._program = program
+        clock = np.array([float(self._began), self._period, program.duration])
+        self._followed = ServoStrokes(self._places, self._lead, np.array(program.start), program.table(), clock)
 
     def _next(self) -> bool:
         """Go on with the next program; False where all is done."""
         self._pose = self._program.end
-        self._began = self._plant.tick
         try:
             assert self._work is not None
-            self._program = next(self._work)
+            self._begin(next(self._work))
         except StopIteration:
             self._end()
             return False
@@ -125,18 +139,12 @@ class Hand:
 
     def _end(self) -> None:
         self._work = None
-        self._program = Program(self._pose, (), 0.0)
-        self._command(0.0)
+        self._begin(Program(self._pose, (), 0.0))
+        self._command()
         self._allow_sleep(not self.holding)
 
-    def _command(self, time: float) -> None:
-        position, velocity, acceleration = self._program.at(time)
-        controls, first = self._plant.data.ctrl, self._first
-        for i, (by_velocity, by_acceleration) in enumerate(self._forward):
-            channel = min(i, 4)  # thumb and index finger share the gap
-            controls[first + i] = (
-                position[channel] + by_velocity * velocity[channel] + by_acceleration * acceleration[channel]
-            )
+    def _command(self) -> None:
+        strokes.follow(self._followed, self._plant.tick, self._plant.data.ctrl)
 
     def _allow_sleep(self, allowed: bool) -> None:
         """A tree that may not sleep wakes up in the next step; new targets of its servos would not wake it."""

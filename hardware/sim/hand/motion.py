@@ -1,7 +1,6 @@
-"""How a hand moves: smooth strokes as people make them, added up; pure functions of time.
+"""How a hand moves: smooth strokes as people make them, added up (``plant.strokes``); pure functions of time.
 
-A stroke follows the minimum-jerk law (Flash and Hogan 1985). A new stroke may begin before the one before has ended;
-what both have to add is then added, as people do it (Flash and Henis 1991). So corners become round.
+A new stroke may begin before the one before has ended, as people do it. So corners become round.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.sim.bodies.hand import HandPose
+from hardware.sim.plant.strokes import add_up
 
 PEAK: Final = 1.875
 """Highest speed of a minimum-jerk stroke over its mean speed."""
@@ -54,17 +54,14 @@ class Program:
 
     def at(self, time: float) -> Target:
         """Where the hand shall be, so many seconds after the start."""
-        position, velocity, acceleration = np.array(self.start), np.zeros(5), np.zeros(5)
-        for stroke in self.strokes:
-            share = (time - stroke.begin) / stroke.duration
-            if share >= 1.0:
-                position += stroke.change
-            elif share > 0.0:
-                s, t = share, stroke.duration
-                position += stroke.change * (s**3 * (10.0 + s * (6.0 * s - 15.0)))
-                velocity += stroke.change * (30.0 * s**2 * (1.0 - s) ** 2 / t)
-                acceleration += stroke.change * (60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / t**2)
-        return Target(position, velocity, acceleration)
+        told = np.empty((3, len(self.start)))
+        add_up(np.array(self.start), self.table(), time, told)
+        return Target(*told)
+
+    def table(self) -> NDArray[np.float64]:
+        """The strokes as rows, see ``plant.strokes.ServoStrokes``."""
+        rows = [(stroke.begin, stroke.duration, *stroke.change.tolist()) for stroke in self.strokes]
+        return np.array(rows, dtype=np.float64).reshape(-1, 2 + len(self.start))
 
     def cut(self, time: float) -> Program:
         """What is left if no stroke begins any more from a time on [s]; those that have begun end."""

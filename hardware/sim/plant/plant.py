@@ -22,6 +22,7 @@ from hardware.sim.bodies.hand import SENSOR as HAND_SENSOR
 from hardware.sim.plant import tick
 from hardware.sim.plant.imperfections import PERFECT, Flaws
 from hardware.sim.plant.snapshot import STATE, Snapshot
+from hardware.sim.plant.strokes import NOTHING, ServoStrokes
 from hardware.table import Box
 
 LONGEST_RUN: Final = 64
@@ -262,13 +263,16 @@ class Plant:
             and not self._flaws.grip.possible
         )  # fmt: skip
 
-    def run(self, controller: PlantCall, most: int, until_rest: bool) -> tuple[int, int]:
+    def run(
+        self, controller: PlantCall, most: int, until_rest: bool, followed: ServoStrokes = NOTHING
+    ) -> tuple[int, int]:
         """Advance by up to so many ticks, each under the command that the controller has made of the one before.
 
         Args:
             controller: in the same thread; its ``command`` is the one for the first tick.
             most: ticks at most, and ``LONGEST_RUN``.
             until_rest: end with the tick in which all has come to rest.
+            followed: by servos that are not the controller's; the tick in which it is over is not begun.
 
         Returns:
             How many ticks, and what the controller has said after the last one, see ``PlantCall``.
@@ -281,7 +285,7 @@ class Plant:
         ticks, said = tick.run(  # type: ignore[call-arg]
             *self._step, self._qpos, self._qvel, self._sensors, self.data.ctrl, *self._fixed, self._noise,
             self._ripples, self._drives, min(most, LONGEST_RUN), controller.function, controller.context,
-            controller.measurement, controller.command, self._taken, until_rest,
+            controller.measurement, controller.command, self._taken, followed, until_rest,
         )  # fmt: skip
         self.tick += ticks
         self._latched = self._latched & ~_SATURATED | (_SATURATED if self._drives[2] else 0)

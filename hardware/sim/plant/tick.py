@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import DriveStatus
 from hardware.loading import spare_blas
+from hardware.sim.plant.strokes import SERVO_STROKES, ServoStrokes, follow, over
 
 Array = NDArray[np.float64]
 Wholes = NDArray[np.int64]
@@ -246,14 +247,14 @@ def rippled(asked: tuple[float, float, float], memory: Array, ripples: Array) ->
     _STRETCH(
         types.int64, types.int64, types.int64, types.int64, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _PLACES, _FLOATS,
         _FLOATS, _TABLE, _FLOATS, _TABLE, _FLOATS, _FLOATS, types.int64, types.int64, types.int64, _FLOATS, _FLOATS,
-        _TABLE, types.boolean,
+        _TABLE, SERVO_STROKES, types.boolean,
     ), cache=True,
 )  # fmt: skip
 def run(
     step: int, model: int, data: int, steps: int, positions: Array, velocities: Array, sensors: Array, controls: Array,
     places: Addresses, constants: Array, scale: Array, boxes: Array, memory: Array, noise: Array, ripples: Array,
     drives: Array, most: int, function: int, context: int, measurement: Array, command: Array, applied: Array,
-    until_rest: bool,
+    followed: ServoStrokes, until_rest: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Ticks one after the other, each as ``Plant.measure``, ``.apply`` and ``.step`` would do it, with enabled drives.
 
@@ -262,14 +263,15 @@ def run(
     of ``rippled``, the first two 0 where there are none. ``drives``: tick, status without SATURATED, 1 if that was in
     the last command's, peak torque [N m], speed at which the drives trip [rad/s], (5,); tick and third change. Of
     ``function``, ``context``, ``measurement`` and ``command`` see ``PlantCall``; ``applied`` are the commands as they
-    were applied, (most, 4). ``until_rest``: end with the tick in which all has been at rest for long enough.
+    were applied, (most, 4); ``followed`` is what other servos follow: the tick in which that is over is not begun.
+    ``until_rest``: end with the tick in which all has been at rest for long enough.
 
     Returns:
         How many ticks, and what the function returned last.
     """
     ran = said = 0
-    scale_ = 1.0 / constants[0]
-    while ran < most:
+    scale_, led = 1.0 / constants[0], len(followed.places) > 0
+    while ran < most and not (led and over(followed, drives[0])):
         row = noise[int(drives[0]) % len(noise)]
         measurement[0] = drives[0]
         for i in range(3):
@@ -283,6 +285,8 @@ def run(
         if ripples[0] != 0.0 or ripples[1] != 0.0:
             u = rippled(u, memory, ripples)
         controls[0], controls[1], controls[2], controls[3] = u[0], u[1], u[2], command[3]
+        if led:
+            follow(followed, drives[0], controls)
         drives[0] += 1.0
         now = noise[int(drives[0]) % len(noise)]
         advance(step, model, data, steps, positions, velocities, sensors, places, constants, scale, boxes, memory, now)

@@ -6,6 +6,7 @@ from hardware.sim.hand.actions import REQUEST, Perform
 from hardware.sim.hand.hand import Hand
 from hardware.sim.hand.routines import HandFailed
 from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.strokes import NOTHING, ServoStrokes
 from hardware.sim.process.connections import Refused, Service, Visitor
 
 
@@ -21,6 +22,11 @@ class HandService(Service):
     def busy(self) -> bool:
         """The hand does something, so that plant time has to run."""
         return self._hand is not None and self._hand.busy
+
+    @property
+    def followed(self) -> ServoStrokes:
+        """What its servos follow, as ``Hand.followed`` says."""
+        return NOTHING if self._hand is None else self._hand.followed
 
     def welcome(self, visitor: Visitor) -> dict[str, Any]:
         """See ``Service``."""

@@ -204,7 +204,7 @@ class World:
         self.listen(0.0)
         plant, last = self.plant, self._applied
         standing = self._reported == plant.tick
-        if self._again or standing or last is None or self._hand.busy or not plant.may_run:
+        if self._again or standing or last is None or not plant.may_run:
             return Stretch(0, 0, self._said)
         asked = Command(last.torque, float(controller.command[3]), False, True, busy)
         needed = busy or self._others_wait()
@@ -215,7 +215,9 @@ class World:
         most = min(most, min(self._clocks.due, self._cameras.due) - plant.tick)
         if most <= 0:
             return Stretch(0, 0, self._said)
-        ticks, said = plant.run(controller, most, until_rest=not needed)
+        ticks, said = plant.run(controller, most, until_rest=not needed, followed=self._hand.followed)
+        if not ticks:  # the hand is to be led further
+            return Stretch(0, 0, self._said)
         self._idle = 1 if needed else self._idle + ticks  # as exchanges one by one would leave it
         self._missed, self._reported, self._said = 0, plant.tick - 1, controller.measured()
         applied = plant.applied(ticks)

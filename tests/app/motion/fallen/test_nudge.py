@@ -19,9 +19,9 @@ from app.motion.fallen.lying import LoosePieces, Lying, crowd_of, discs_of
 from app.motion.fallen.pivot_edge import reach
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import room_to_stand_up
+from app.motion.finger_opening import fits_around
 from app.motion.obstacles import Obstacle
 from app.motion.plan import PlanRefused
-from app.motion.planner import fits_around
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters

@@ -21,12 +21,13 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.clients.bus import SimServoBus
+from hardware.sim.hand.actions import Action, HandSettings, Move, Withdraw
 from hardware.sim.plant.imperfections import Imperfections
 from hardware.sim.process.inner_bus import InnerServoBus
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.server import World
 from hardware.sim.process.settings import WorldSettings
-from hardware.table import TableSettings
+from hardware.table import TableSettings, square_place
 from tests.controller.conftest import line_samples
 
 PARAMETERS = load_parameters()
@@ -35,19 +36,25 @@ ROUGH = Imperfections(torque_ripple=0.02, cogging=0.01, friction=0.3, tactile_no
 BOARD = chess.Board("4k3/8/8/8/8/8/4P3/4K3 w - - 0 1")
 
 
-def settings(devices: Imperfections) -> WorldSettings:
+def settings(devices: Imperfections, person: HandSettings | None = None) -> WorldSettings:
     return WorldSettings(
         pieces=start_layout(BOARD, TableSettings()), home=HOME, pace=Pace.FAST, cameras=False, linger=0.0,
-        randomisation=Randomisation(devices=devices),
+        randomisation=Randomisation(devices=devices), hand=person,
     )  # fmt: skip
 
 
-def play(folder: Path, devices: Imperfections, *, plainly: bool) -> tuple[str, str, int]:
+def play(
+    folder: Path, devices: Imperfections, *, plainly: bool, moves: tuple[Action, ...] = ()
+) -> tuple[str, str, int]:
     """Two motions, with time for all to come to rest: the world's digest, what the controller knows, and how many of
-    its ticks were run without a line of Python.
+    its ticks were run without a line of Python. Meanwhile a hand may do something.
     """
-    world = World(folder, settings(devices))
+    world = World(folder, settings(devices, HandSettings() if moves else None))
     with world.open():
+        hand = world._hand._hand
+        if moves:
+            assert hand is not None
+            hand.perform(moves)
         bus = InnerServoBus(world)
         law = TaskSpaceController(DeltaModel(PARAMETERS))
         supervisor = Supervisor(
@@ -88,6 +95,9 @@ def play(folder: Path, devices: Imperfections, *, plainly: bool) -> tuple[str, s
             ticks(320)
             assert supervisor.admission.ended.motion == motion
         ticks(700)  # until plant time stands, and a little more
+        while hand is not None and hand.busy:
+            ticks(100)
+        assert hand is None or not hand.failed
         return world.plant.digest(), supervisor._memory.block.tobytes().hex() + law.memory.tobytes().hex(), run
 
 
@@ -100,6 +110,19 @@ def test_many_ticks_in_one_call_are_the_same_in_every_bit(tmp_path: Path, device
     assert (digest, knows) == (other_digest, other_knows)
     assert none == 0
     assert run > 650, "nearly all"
+
+
+def test_a_hand_makes_the_same_move_without_a_line_of_python_between_its_strokes(tmp_path: Path) -> None:
+    """Its strokes end between ticks of the arm's motions, long before and long after them."""
+    e2, e4 = (TableSettings().xy(square_place(square)) for square in (chess.E2, chess.E4))
+    moves = Move(start=e2, to=e4), Withdraw()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    digest, knows, run = play(tmp_path / "a", Imperfections(), plainly=True, moves=moves)
+    other_digest, other_knows, none = play(tmp_path / "b", Imperfections(), plainly=False, moves=moves)
+    assert (digest, knows) == (other_digest, other_knows)
+    assert none == 0
+    assert run > 3000, "nearly all"
 
 
 def test_its_drives_are_taken(tmp_path: Path) -> None:

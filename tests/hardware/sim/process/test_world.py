@@ -170,7 +170,9 @@ def raw_link(world: WorldProcess, greeting: bytes | None = None) -> socket.socke
     """A connection that keeps to no rules."""
     link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     link.settimeout(10.0)
-    link.connect(str(world.run_dir / wire.SOCKET_NAME))
+    door = world.run_dir / wire.SOCKET_NAME
+    until(door.exists)
+    until(lambda: link.connect_ex(str(door)) == 0)
     if greeting is not None:
         link.send(greeting)
     return link
