@@ -48,6 +48,7 @@ HELD_UP = 0.001
 """A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
+SPARED = "the servomotors are close to what they are rated for: the arm moves more slowly until they have cooled"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +118,8 @@ class Carrier:
         self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
         self.permission = Permission(devices, record, ui, attendant)
+        self._spared = False
+        """It was said that the arm is slow, and why."""
         self.midway = False
         """Something was begun and left before the arm was home: there may be a piece in its fingers."""
         self._step: Begun | None = None
@@ -164,6 +167,7 @@ class Carrier:
                 self.permission.await_clear(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
                 self.midway = False
+                self._tell_spared(done)
                 return Carried(planned, done, resumed)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
@@ -314,6 +318,12 @@ class Carrier:
             self._note(job, motion, done, durable=motion is first)  # the arm rests before the first one
 
         return plan.expected, self._devices.arm.execute(plan, begin)
+
+    def _tell_spared(self, done: Outcome) -> None:
+        """Once a game: who sees the arm become slow wants to know why."""
+        if done.spared and not self._spared:
+            self._spared = True
+            self._ui.say(SPARED)
 
     def _note(self, job: Job, motion: Motion, done: int, *, durable: bool) -> None:
         """Record what the arm begins, so that another program can finish it."""

@@ -78,12 +78,16 @@ class NothingTouched(UserError):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick."""
+    """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick.
+
+    ``spared``: at its end it was played slower than planned, to spare servomotors.
+    """
 
     duration: float
     peak_torque: float
     peak_force: float
     end_tick: int
+    spared: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +261,8 @@ class ControllerArm:
                 self._client.stop()
                 raise PieceSlipped(motion)
         assert first_tick is not None
-        return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)
+        duration = (end_tick - first_tick) * self._client.period
+        return Outcome(duration, torque, force, end_tick, self._client.telemetry.warm)
 
     def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
         try:

@@ -15,6 +15,7 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, Admission
 from controller.loop.brakes import BrakeSequence
 from controller.loop.memory import ExchangedTorques, TickMemory
+from controller.loop.playback import WARM
 from controller.loop.reference import Reference
 from controller.loop.state_machine import NO_TORQUE, StateMachine
 from controller.loop.tick import PlainTick
@@ -103,6 +104,11 @@ class Supervisor:
         if state is State.BOOT:
             return self.brakes.armed
         return state is State.TRACK or state is State.STOPPING or state is State.OFF or self.admission.awaiting
+
+    @property
+    def warm(self) -> bool:
+        """Whether servomotors are spared: motions are played slower than announced."""
+        return self._protection.heat > WARM
 
     @property
     def may_exchange(self) -> bool:

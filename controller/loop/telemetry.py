@@ -82,6 +82,8 @@ def _flags(supervisor: Supervisor, lockstep: bool) -> Flag:
         flags |= Flag.LATCHED
     if supervisor.busy:
         flags |= Flag.BUSY
+    if supervisor.warm:
+        flags |= Flag.WARM
     return Flag(flags)
 
 

@@ -107,6 +107,8 @@ class Flag(IntFlag):
     """Motion announced, stopping, booting or shutting down."""
     LATCHED = 32
     """Somebody pressed STOP: no motion is admitted until the client's RELEASE."""
+    WARM = 64
+    """Servomotors are so close to what they are rated for that motions are played slower than announced."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -234,6 +234,11 @@ class Telemetry(NamedTuple):
         """Whether somebody pressed STOP, and it was not released since."""
         return bool(self.flags & Flag.LATCHED)
 
+    @property
+    def warm(self) -> bool:
+        """Whether motions are played slower than announced, to spare servomotors."""
+        return bool(self.flags & Flag.WARM)
+
     def explain_cause(self) -> str:
         """Why the controller stopped or faulted last, as one sentence."""
         return explain(self.cause, self.cause_value, self.cause_limit)

@@ -11,6 +11,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from hardware.loading import spare_blas
+
+spare_blas()
+
 Array = NDArray[np.float64]
 Wholes = NDArray[np.int64]
 

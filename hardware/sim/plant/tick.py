@@ -20,13 +20,10 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from hardware.interfaces import DriveStatus
-from hardware.loading import spare_blas
 from hardware.sim.plant.strokes import SERVO_STROKES, ServoStrokes, follow, over
 
 Array = NDArray[np.float64]
 Wholes = NDArray[np.int64]
-
-spare_blas()
 
 COUNTS: Final = slice(0, 3)
 TOUCH: Final = slice(6, 8)

@@ -11,7 +11,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.carrier import Carrier
+from app.execution.carrier import SPARED, Carrier
 from app.execution.interruption import BoardTouched
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked
@@ -40,8 +40,8 @@ class Arm:
 
     lead_ticks = 8
 
-    def __init__(self, at: Any = HOME, presses: int = 0) -> None:
-        self.at, self.done = np.array(at), list[str]()
+    def __init__(self, at: Any = HOME, presses: int = 0, *, warm: bool = False) -> None:
+        self.at, self.done, self.warm = np.array(at), list[str](), warm
         self.stopped, self.presses = False, presses
 
     def state(self) -> ArmAtRest:
@@ -64,7 +64,7 @@ class Arm:
             raise ArmStopped
         self.at = np.array(plan.motions[-1].samples[-1][0])
         self.done.append(plan.label)
-        return Outcome(1.0, 1.0, 1.0, 100)
+        return Outcome(1.0, 1.0, 1.0, 100, self.warm)
 
 
 class Guard:
@@ -135,6 +135,20 @@ def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, wha
             act()
     assert len(arm.done) == (0 if came else 1)
     assert len(pushed) == (1 if what == "push" and not came else 0)
+
+
+@pytest.mark.parametrize("warm", [False, True])
+def test_an_arm_that_spares_its_servomotors_is_said_to_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warm: bool
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(UserInterface, "say", lambda _, sentence, squares=(): said.append(sentence))
+    carrier, record = carrier_of(Arm(warm=warm), None, tmp_path)
+    ply = transfers(chess.Board(), chess.Move.from_uci("e2e4"), STANDS)
+    with record:
+        for _ in range(2):
+            carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS)
+    assert said == [SPARED] * warm
 
 
 def test_an_arm_that_was_left_elsewhere_goes_home_and_one_at_home_stays(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from controller.law.settings import LawSettings
 from controller.law.task_space import TaskSpaceController
 from controller.loop.playback import CHANGE, LONGEST, SLOWEST, WARM, Playback
 from controller.loop.supervisor import Supervisor
+from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
 from controller.model.demand import torque_demand
 from controller.model.kinematics import OK
@@ -25,6 +26,7 @@ from controller.protocol.causes import Cause
 from controller.protocol.layout import DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
+from controller.records.loop_statistics import LoopStatistics
 from controller.settings import ControllerSettings
 from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.parameters import load_parameters
@@ -162,8 +164,13 @@ def test_warm_servomotors_are_spared_and_the_tool_stays_on_its_way(
         rates.append(arm.supervisor.admission.playback.rate)
         return AdmitSpeed(1.6, arm.soon(), EVERYWHERE) if admitted else None
 
+    def told() -> bool:
+        return report(arm.supervisor, True, 0, 0, LoopStatistics(), [0] * 6).warm
+
+    assert not told()
     samples = line(HOME, FAR, TICKS)
     rows = arm.play(samples, as_warm_as_ever)
+    assert told()
     pace = max(SLOWEST, (1.0 - heat) / (1.0 - WARM))
     assert np.array(rates[5:]).max() <= pace + 1e-9
     assert np.abs(rows[:, 6]).max() <= 1.01 * max(pace**2 * samples["acceleration"].max(), CHANGE * (not admitted))
