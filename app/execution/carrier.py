@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app import UserError
+from app.execution.board_height import BoardHeight
 from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, progress_of
 from app.execution.pauses import Permission
 from app.execution.state import Attendant, Clearance, Devices, Job
@@ -118,6 +119,7 @@ class Carrier:
         self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
         self.permission = Permission(devices, record, ui, attendant)
+        self._height = BoardHeight()
         self._spared = False
         """It was said that the arm is slow, and why."""
         self.midway = False
@@ -163,7 +165,7 @@ class Carrier:
                 if self._step is not None:
                     step = self._step
                     progress = progress_of(job.transfers, step.transfer, step.stage, state, inventory.table)
-                    self._ui.phase(_explain(job, progress))
+                    self._ui.phase(progress.explain(job.label, job.transfers))
                 self.permission.await_clear(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
                 self.midway = False
@@ -204,12 +206,17 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_stand_up
 
-        plan = plan_stand_up(self._planner(stands), one, misplaced, stands)
         self._step = None
+        if self._height.doubtful:
+            self.permission.await_clear(seen)
+            self._height.feel(self._devices.arm, self._planner(stands), one, misplaced, stands, self._ui)
+            self._go_home(stands, None, touching=True)
+        plan = plan_stand_up(self._planner(stands), one, misplaced, stands, self._height.lower)
         try:
             self.permission.await_clear(seen)
             return self._devices.arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
+            self._height.doubt(stop)
             self._ui.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
@@ -379,11 +386,3 @@ class Carrier:
 def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
     """What stands where after the first transfers of a job."""
     return inventory.after_all(job.transfers[:done])
-
-
-def _explain(job: Job, progress: Progress) -> str:
-    if progress.done == len(job.transfers):
-        return f"{job.label} was almost done: the arm goes home"
-    piece = job.transfers[progress.done]
-    where = "is in the fingers" if progress.holding else f"stands on {piece.source}"
-    return f"continuing with {job.label}: the {piece.kind} for {piece.target} {where}"

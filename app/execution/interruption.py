@@ -84,6 +84,14 @@ class Progress:
     done: int
     holding: bool
 
+    def explain(self, label: str, transfers: Sequence[Transfer]) -> str:
+        """How a job of a label and with these transfers goes on, for people."""
+        if self.done == len(transfers):
+            return f"{label} was almost done: the arm goes home"
+        piece = transfers[self.done]
+        where = "is in the fingers" if self.holding else f"stands on {piece.source}"
+        return f"continuing with {label}: the {piece.kind} for {piece.target} {where}"
+
 
 def progress_of(
     transfers: Sequence[Transfer], transfer: int, stage: Stage, arm: ArmAtRest, table: TableSettings

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from app.motion.fallen.feel_board import FeelPlan, plan_feeling
 from app.motion.fallen.lying import LoosePieces, Lying, crowd_of
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
@@ -97,9 +98,11 @@ def leant_on(one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: I
 
 
 def plan_stand_up(
-    planner: Planner, one: MisplacedPiece, others: Sequence[MisplacedPiece], inventory: Inventory
+    planner: Planner, one: MisplacedPiece, others: Sequence[MisplacedPiece], inventory: Inventory, lower: float = 0.0
 ) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
+
+    ``lower``: by how much the board is lower than its table says [m].
 
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
@@ -113,7 +116,17 @@ def plan_stand_up(
     table = inventory.table
     loose = loose_pieces([other for other in others if other.piece.name in gone])
     near = (*_kept(rest, gone | {one.piece.name}, table), *loose.standing)
-    return plan_upright(planner, _lying(one), near, loose.lying).plan
+    return plan_upright(planner, _lying(one), near, loose.lying, lower=lower).plan
+
+
+def plan_feeling_board(
+    planner: Planner, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], inventory: Inventory
+) -> FeelPlan:
+    """Feel how high the board is beside a piece. Raises ``PlanRefused`` if no square is free."""
+    loose = loose_pieces(misplaced)
+    gone = {other.piece.name for other in misplaced}
+    near = (*_kept(inventory, gone, inventory.table), *loose.standing)
+    return plan_feeling(planner, (one.pose.x, one.pose.y), near, loose.lying)
 
 
 def plan_making_way(

@@ -80,7 +80,8 @@ class NothingTouched(UserError):
 class Outcome:
     """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick.
 
-    ``spared``: at its end it was played slower than planned, to spare servomotors.
+    ``spared``: at its end it was played slower than planned, to spare servomotors. ``touched``: how low the tool was
+    when something held it up last, base frame z₃ [m]; None: nothing was to, or nobody measures.
     """
 
     duration: float
@@ -88,6 +89,7 @@ class Outcome:
     peak_force: float
     end_tick: int
     spared: bool = False
+    touched: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +238,7 @@ class ControllerArm:
             ArmStopped: somebody pressed STOP.
             ControllerError: refused, stopped or lost; the arm rests.
         """
-        first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
+        first_tick, end_tick, torque, force, touched = None, 0, 0.0, 0.0, None
         done: MotionOutcome | None = None
         for index, planned in enumerate(plan.motions):
             motion = planned if done is None else planned.continued(np.array(done.reference))
@@ -254,6 +256,7 @@ class ControllerArm:
             if motion.touches and not done.touched:
                 self._client.stop()
                 raise NothingTouched(motion)
+            touched = done.position[2] if motion.touches else touched
             if motion.touches_at is not None and abs(off := done.position[2] - motion.touches_at) > TOUCH_ERROR:
                 self._client.stop()
                 raise TouchedElsewhere(motion, off)
@@ -262,7 +265,7 @@ class ControllerArm:
                 raise PieceSlipped(motion)
         assert first_tick is not None
         duration = (end_tick - first_tick) * self._client.period
-        return Outcome(duration, torque, force, end_tick, self._client.telemetry.warm)
+        return Outcome(duration, torque, force, end_tick, self._client.telemetry.warm, touched)
 
     def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
         try:

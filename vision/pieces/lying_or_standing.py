@@ -135,6 +135,14 @@ class PoseSearch:
             return MisplacedPiece(piece, place, best.pose, std, best.support, best.seen, lead)
         return None
 
+    def standing_about(self, piece: PieceSpec, place: Place, at: tuple[float, float]) -> MisplacedPiece | None:
+        """A piece of a place as it stands near a point [m], if it does; not compared with any other way to be there."""
+        way = self._near(piece, Pose(*at))
+        if not _is_there(way):
+            return None
+        way, std = self._spread(piece, way)
+        return MisplacedPiece(piece, place, way.pose, std, way.support, way.seen, 1.0)
+
     def again(self) -> PoseSearch:
         """The same with nothing taken out."""
         return PoseSearch(*self._made_of)

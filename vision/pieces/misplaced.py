@@ -16,7 +16,7 @@ import numpy as np
 
 from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES
-from hardware.table import PieceSpec, Place
+from hardware.table import PieceSpec, Place, TableSettings
 from vision.arrays import Field, Mask
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of
@@ -32,6 +32,8 @@ _LEANS: Final = 0.06
 """… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
 heads beyond the edge, and what is high looks further off than it is [m]."""
 _SIGHTED: Final = 0.0015  # error of where a piece stands that was only sighted, as a standard deviation [m]
+_PUT_BY: Final = 0.012
+"""What stands no further than this from its place on a tray is what was put there [m]: places are 30 mm apart."""
 _SAME: Final = 0.008  # a piece that stands was found twice when both places are no further apart [m]
 
 
@@ -82,7 +84,11 @@ def find_misplaced(
     ]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
-    for one in astray:
+    # a dozen reserves that are hardly told from the table by colour would each be sought at each other's places
+    put_by = [] if points is None else _put_by(search, left, view.table, doubted)
+    left = [(place, piece) for place, piece in left if all(one.target != place for one in put_by)]
+    known = [*astray, *put_by]
+    for one in known:
         search.take_out(one)
     found = list[MisplacedPiece]()
     while left:
@@ -94,12 +100,27 @@ def find_misplaced(
         search.take_out(stray)
     if len(found) > 1:
         again = search.again()
-        for one in astray:
+        for one in known:
             again.take_out(one)
         found = again.told_apart(found, before)
     found += [one for one in astray if not one.target.in_tray]  # out of play it may stand as it was put there
+    found += [one for one in put_by if _off(one, view.table) > tolerance]
     found = [_sharper(stray, centres) for stray in found]
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
+
+
+def _put_by(
+    search: PoseSearch, missing: Sequence[tuple[Place, PieceSpec]], table: TableSettings, doubted: Collection[Place]
+) -> list[MisplacedPiece]:
+    """Pieces on trays that depth shows to stand about where they should, though their outlines were not found there."""
+    asked = [(place, piece) for place, piece in missing if place.in_tray and place not in doubted]
+    about = [search.standing_about(piece, place, table.xy(place)) for place, piece in asked]
+    return [one for one in about if one is not None and _off(one, table) <= _PUT_BY]
+
+
+def _off(one: MisplacedPiece, table: TableSettings) -> float:
+    """How far a piece is from where it should stand [m]."""
+    return math.dist(table.xy(one.target), (one.pose.x, one.pose.y))
 
 
 def _sharper(stray: MisplacedPiece, centres: Mapping[Place, Centre]) -> MisplacedPiece:

@@ -42,11 +42,13 @@ class StandUpPlan(NamedTuple):
 
 def plan_upright(
     planner: Planner, lying: Lying, standing: Iterable[Obstacle], others_lying: Iterable[Lying],
-    how: PivotSettings = _USUAL,
+    how: PivotSettings = _USUAL, lower: float = 0.0,
 ) -> StandUpPlan:  # fmt: skip
-    """Stand a piece up where it lies, and go home; all pieces that stand, and others that lie, are given where they
-    are. Raises ``InTheWay`` if a piece is where the fingers or the foot have to go and ``PlanRefused`` if it lies
-    beyond the arm's workspace.
+    """Stand a piece up where it lies, and go home.
+
+    All pieces that stand, and others that lie, are given where they are, and ``lower`` is by how much the board is
+    lower than the table says [m]. Raises ``InTheWay`` if a piece is where the fingers or the foot have to go and
+    ``PlanRefused`` if it lies beyond the arm's workspace.
     """
     cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
     pivot, others = pivot_of(shape, how), standing_near(standing, others_lying, cell.table)
@@ -58,9 +60,10 @@ def plan_upright(
             blocking,
         )
     begin = _tool_point(cell, lying, pivot.contact)
-    route = _approach(cell, lying, begin, np.asarray(planner.start, dtype=float), planner.finger, others)
+    low = 2.0 * shape.foot_radius
+    route = feeling_down(cell, begin, low, np.asarray(planner.start, dtype=float), planner.finger, others)
     first, finger = motion_of(cell, f"onto the pivot edge of the {lying.called}", route)
-    first = replace(first, touches_at=float(begin[2]))
+    first = replace(first, touches_at=float(begin[2]) + lower)
     second = _draw_over(cell, lying, pivot, begin, how)
     end = second.samples["position"][-1].astype(float)
     back = Route(*homewards(cell, end), contact=(0.0, 0.0), finger=finger, opens=finger)
@@ -99,10 +102,14 @@ def _xy(point: Vector) -> tuple[float, float]:
     return x, y
 
 
-def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger: float, others: Crowd) -> Route:
-    """Over to the pivot edge with the fingers closing, down to it, and slowly on until it is felt."""
+def feeling_down(cell: Workcell, begin: Vector, top: float, start: Vector, finger: float, others: Crowd) -> Route:
+    """Over to something with the fingers closing, down to it, and slowly on until it is felt.
+
+    The tool is at ``begin`` when it touches, and now at ``start``, both base frame (3,) [m]; the thing is as high as
+    ``top`` over the board [m].
+    """
     x, y, height = cell.board(begin)
-    low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
+    low = top + cell.parameters.pads.half_height + cell.settings.clearance
     above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
     way = over(cell, Arc(cell.board(start), above, low, None, finger), others)
     down = polygon(cell, cell.base([above, end]), [], None)

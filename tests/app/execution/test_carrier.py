@@ -14,16 +14,16 @@ import pytest
 from app.execution.carrier import SPARED, Carrier
 from app.execution.interruption import BoardTouched
 from app.execution.pauses import WENT_ON
-from app.execution.recovery_plans import Blocked
+from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
 from app.execution.state import Attendant, Clearance, Devices, Job
 from app.game.person import UnattendedAttendant
-from app.motion import Motion, MotionSettings, Plan
+from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
-from app.rig.arm import ArmAtRest, ArmStopped, Outcome
+from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, Outcome, TouchedElsewhere
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
@@ -36,9 +36,13 @@ HOME = np.array(MOTION.home)
 
 
 class Arm:
-    """Follows on paper what it is told to; where ``presses`` are left, somebody presses STOP half way of a plan."""
+    """Follows on paper what it is told to; where ``presses`` are left, somebody presses STOP half way of a plan.
+
+    Its board may be ``lower`` than everybody believes [m].
+    """
 
     lead_ticks = 8
+    lower = 0.0
 
     def __init__(self, at: Any = HOME, presses: int = 0, *, warm: bool = False) -> None:
         self.at, self.done, self.warm = np.array(at), list[str](), warm
@@ -64,7 +68,10 @@ class Arm:
             raise ArmStopped
         self.at = np.array(plan.motions[-1].samples[-1][0])
         self.done.append(plan.label)
-        return Outcome(1.0, 1.0, 1.0, 100, self.warm)
+        first = plan.motions[0]
+        if first.touches_at is not None and abs(off := BELIEVED + self.lower - first.touches_at) > TOUCH_ERROR:
+            raise TouchedElsewhere(first, off)
+        return Outcome(1.0, 1.0, 1.0, 100, self.warm, FELT_AT + self.lower)
 
 
 class Guard:
@@ -102,6 +109,11 @@ def carrier_of(
 BISHOP = STANDS.at(Place.parse("c1"))
 assert BISHOP is not None
 LYING = MisplacedPiece(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
+_PLANNER = Planner.of(MOTION, PARAMETERS, TABLE, HOME, 0.01)
+FREE = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+BELIEVED = plan_stand_up(_PLANNER, FREE, [FREE], STANDS).motions[0].touches_at or 0.0
+"""How low the tool should be on that one's rim, and on the board, base frame z₃ [m]."""
+FELT_AT = plan_feeling_board(_PLANNER, FREE, [FREE], STANDS).expected
 
 
 @pytest.mark.parametrize("what", ["carry", "push", "stand up"])
@@ -109,7 +121,6 @@ LYING = MisplacedPiece(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, what: str, came: bool) -> None:
     arm, guard = Arm(), Guard()
     carrier, record = carrier_of(arm, guard, tmp_path)
-    free = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
     pushed: list[str] = []
 
     seen = Clearance(arrivals=0 if came else 1)  # the guard counts one when the arm asks it for clearance
@@ -124,7 +135,7 @@ def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, wha
             pushed.append(push.name)
             carrier.push_aside(push, STANDS)
         else:
-            carrier.stand_up(free, [free], STANDS, seen)
+            carrier.stand_up(FREE, [FREE], STANDS, seen)
 
     with record:
         if came:
@@ -149,6 +160,22 @@ def test_an_arm_that_spares_its_servomotors_is_said_to_once(
         for _ in range(2):
             carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS)
     assert said == [SPARED] * warm
+
+
+@pytest.mark.parametrize(("lower", "tries"), [(0.001, 1), (0.002, 2), (-0.003, 2)])
+def test_where_something_is_lower_than_it_should_be_the_board_is_felt_once(
+    tmp_path: Path, lower: float, tries: int
+) -> None:
+    arm = Arm()
+    arm.lower = lower
+    carrier, record = carrier_of(arm, None, tmp_path)
+    with record:
+        for number in range(1, 4):
+            stood = carrier.stand_up(FREE, [FREE], STANDS, None) is not None
+            assert stood == (number >= tries)
+    assert sum("how high the board is" in label for label in arm.done) == tries - 1
+    assert arm.done[-1].startswith("stand up")
+    assert np.allclose(arm.at, HOME, atol=1e-9)
 
 
 def test_an_arm_that_was_left_elsewhere_goes_home_and_one_at_home_stays(tmp_path: Path) -> None:
@@ -192,12 +219,12 @@ def test_what_was_planned_before_a_stop_is_planned_anew_after_another_look(tmp_p
     arm, going = Arm(), Going()
     carrier, record = carrier_of(arm, None, tmp_path, going)
     arm.stopped = True
-    seen, free = Clearance(arrivals=0), MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+    seen = Clearance(arrivals=0)
     ply = transfers(chess.Board(), chess.Move.from_uci("e2e4"), STANDS)
     acts: dict[str, Callable[[], object]] = {
         "carry": lambda: carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS, seen=seen),
         "push": lambda: carrier.push_for([Blocked(LYING.piece.name, "white-pawn-c")], [LYING], STANDS, seen),
-        "stand up": lambda: carrier.stand_up(free, [free], STANDS, seen),
+        "stand up": lambda: carrier.stand_up(FREE, [FREE], STANDS, seen),
     }
     with record, pytest.raises(BoardTouched):
         acts[what]()

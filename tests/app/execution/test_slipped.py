@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import Any
 
 import chess
@@ -27,6 +28,7 @@ class Client:
     """Does what it is told; the pads feel what the test says from the carrying on."""
 
     lockstep, period = True, 0.001
+    telemetry = SimpleNamespace(warm=False)
 
     def __init__(self, plan: Plan, felt: tuple[float, float]) -> None:
         self._plan, self._felt = plan, felt
