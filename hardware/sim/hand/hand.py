@@ -51,6 +51,8 @@ class Hand:
         self._kinds = {piece.name: piece.kind for piece in pieces}
         self._bodies = {piece.name: data.body(piece.name) for piece in pieces}
         self._tool = data.site("tool")
+        # what lies in them may be higher than their walls
+        self._boxes = tuple(box._replace(height=max(box.height, table.box_fill)) for box in table.boxes())
         rng = np.random.default_rng([seed, _STREAM])
         self._routines = Routines(self._look, lambda: self._pose, settings, table, rng)
         self._work: Iterator[Program] | None = None
@@ -164,4 +166,4 @@ class Hand:
             x, y, z = body.xpos.tolist()
             i, j, k = body.xmat.reshape(3, 3)[:, 2].tolist()
             seen.append(SeenPiece(name, self._kinds[name], x, y, z, (i, j, k)))
-        return TableView(tuple(seen), np.array(self._tool.xpos))
+        return TableView(tuple(seen), np.array(self._tool.xpos), self._boxes)

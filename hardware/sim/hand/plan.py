@@ -4,7 +4,7 @@ Pure functions. A person looks where neighbours and the robot are, and comes fro
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from hardware.piece_set import Colour, PieceShape
@@ -161,7 +161,7 @@ class Person(Traveller):
         gap: float = _GAP_AT_EASE,
     ) -> Sketch:
         """To a point in the air, fingertips at a height above the board [m]; so far open if they hold nothing [m]."""
-        holds = self.holds(TableView((), sight.tool), x, y, z, z, 0.0, then=then)
+        holds = self.holds(replace(sight, pieces=()), x, y, z, z, 0.0, then=then)
         if held is None:
             sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, EMPTY_WIDTH)
             sketch.to(gap=gap, overlap=1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from hardware.piece_set import PIECE_SHAPES, Kind, PieceShape
 from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, HandPose, finger_bones
+from hardware.table import Box
 
 Point = tuple[float, float]
+_APART: Final = 0.01
+"""Points of a way at which it is compared with boxes [m]."""
 UPRIGHT: Final = 0.30
 """A piece that leans by less than this stands [rad]."""
 OBSTACLES: Final = np.array(
@@ -78,6 +81,8 @@ class TableView:
     """All of them."""
     tool: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     """The robot's tool point, board frame, shape (3,) [m]."""
+    boxes: tuple[Box, ...] = ()
+    """On the table, with walls that a hand passes over."""
 
     def nearest(self, x: float, y: float) -> SeenPiece | None:
         """The piece nearest to a point; None where there are no pieces."""
@@ -85,18 +90,20 @@ class TableView:
 
     def without(self, name: str) -> TableView:
         """All but one piece."""
-        return TableView(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
+        return replace(self, pieces=tuple(piece for piece in self.pieces if piece.name != name))
 
     def find(self, name: str) -> SeenPiece:
         """The piece of that name."""
         return next(piece for piece in self.pieces if piece.name == name)
 
     def highest(self, begin: Point, end: Point, width: float) -> float:
-        """Top of the highest piece near a straight line between two points of the board [m], 0 where there is none.
+        """Top of the highest piece or box near a straight line between two points of the board [m], 0 where there is
+        none.
 
-        Near is up to ``width`` from it to the middle of a piece's foot [m].
+        Near is up to ``width`` from it to the middle of a piece's foot, or to a wall [m].
         """
         tops = [piece.top for piece in self.pieces if _distance_to_line(piece, begin, end) < width]
+        tops += [box.height for box in self.boxes if _comes_near(box, begin, end, width)]
         return max(tops, default=0.0)
 
     def pinch_room(self, x: float, y: float, yaw: float, z: float, half_width: float) -> float:
@@ -123,6 +130,13 @@ class TableView:
         outside = np.concatenate([sideways, upwards[:, :, None]], axis=2)
         distance = np.linalg.norm(np.maximum(outside, 0.0), axis=2) + np.minimum(outside.max(axis=2), 0.0)
         return float((distance - points[:, 3:4]).min())
+
+
+def _comes_near(box: Box, a: Point, b: Point, width: float) -> bool:
+    """Whether a straight line comes closer to a box than so far [m]."""
+    at = np.linspace(a, b, 2 + int(math.dist(a, b) / _APART))
+    beside = np.abs(at - (box.x, box.y)) - (box.half_x + box.wall, box.half_y + box.wall)
+    return bool((np.linalg.norm(np.maximum(beside, 0.0), axis=1) < width).any())
 
 
 def _distance_to_line(piece: SeenPiece, a: Point, b: Point) -> float:

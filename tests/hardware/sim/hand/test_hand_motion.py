@@ -14,7 +14,7 @@ from hardware.sim.hand.motion import PEAK, Program, Sketch
 from hardware.sim.hand.paths import CAREFUL, ENOUGH_ARM_ROOM
 from hardware.sim.hand.plan import Person, grip_height, held_now
 from hardware.sim.hand.sight import SeenPiece, TableView
-from hardware.table import Place, TableSettings
+from hardware.table import Box, Place, TableSettings
 
 TABLE = TableSettings()
 HOME = np.array([0.0, -0.075, 0.145])
@@ -126,8 +126,8 @@ def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
     held = held_now(piece("pawn", 0.0, 0.0), HandPose(0.0, 0.0, 0.014, 0.0, 0.002))
     start = HandPose(0.0, 0.0, 0.03, 0.0, 0.002)
 
-    def highest(*others: SeenPiece) -> float:
-        sight = TableView((*others, piece("pawn", 0.0, 0.0)), np.array([0.0, 0.0, 1.0]))
+    def highest(*others: SeenPiece, boxes: tuple[Box, ...] = ()) -> float:
+        sight = TableView((*others, piece("pawn", 0.0, 0.0)), np.array([0.0, 0.0, 1.0]), boxes)
         program = WHITE.place(sight, start, held, 0.0, 0.12, 0.0)
         return max(float(program.at(t).position[2]) for t in np.arange(0.0, program.duration, 0.01)) - held.below
 
@@ -135,6 +135,8 @@ def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
     assert highest(piece("aside", 0.06, 0.06, Kind.KING)) < 0.02
     assert 0.068 < highest(piece("king", 0.0, 0.06, Kind.KING)) < 0.08
     assert 0.042 < highest(piece("other", 0.004, 0.06)) < 0.052
+    assert 0.04 < highest(boxes=(Box("BL", 0.05, 0.06, 0.03, 0.03, 0.04, 0.004),)) < 0.055
+    assert highest(boxes=(Box("BL", 0.12, 0.06, 0.03, 0.03, 0.04, 0.004),)) < 0.02
 
 
 def test_a_hand_in_the_robots_tool_is_seen_to_be() -> None:
