@@ -141,13 +141,27 @@ def whereabouts(
 
 
 def _less_of_colours(stands: Inventory, seen: Sightings) -> tuple[Sighting, ...]:
-    """Colours seen at a place that something hides are as likely of that."""
+    """Colours seen at a place that something hides are as likely of that; and those of a thing as dark, or as light, as
+    the other side's pieces are of what shows beside it: they say nothing.
+    """
     places = [stands.table.xy(place) for place in seen.hidden]
-    return tuple(
-        replace(one, white=_BEHIND * one.white)
-        if any(math.dist((one.x, one.y), at) < _HOME for at in places) else one
-        for one in seen.all
-    )  # fmt: skip
+    light, dark = (_lightness(stands, seen, side) for side in (Colour.WHITE, Colour.BLACK))
+
+    def share(one: Sighting) -> float:
+        nearer = abs(one.lightness - dark) - abs(one.lightness - light)  # of what is white, > 0; NaN: unknown
+        if nearer * one.white < 0.0:
+            return 0.0
+        return _BEHIND if any(math.dist((one.x, one.y), at) < _HOME for at in places) else 1.0
+
+    return tuple(replace(one, white=share(one) * one.white) for one in seen.all)
+
+
+def _lightness(stands: Inventory, seen: Sightings, side: Colour) -> float:
+    """Of most things at the homes of a side's pieces; NaN where too few are seen."""
+    homes = [stands.table.xy(piece.place) for piece in stands if piece.colour is side and piece.place.on_board]
+    at_home = [one.lightness for one in seen.all for at in homes if math.dist((one.x, one.y), at) < _HOME]
+    known = [lightness for lightness in at_home if not math.isnan(lightness)]
+    return float(np.median(known)) if len(known) > 2 else math.nan
 
 
 def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:

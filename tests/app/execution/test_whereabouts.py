@@ -24,7 +24,7 @@ from app.execution.repair import (
 )
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from hardware.piece_set import PIECE_SHAPES, Colour
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.verify import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, together
@@ -222,6 +222,29 @@ def test_what_was_nudged_in_a_tray_is_put_right_and_what_stands_beside_all_place
     assert isinstance(repair, Repair)
     assert [(one.name, one.target) for one in repair.transfers] == [(spare.name, spare.place)]
     assert repair.transfers[0].seen == pytest.approx((0.20, -0.197), abs=0.005)
+
+
+@pytest.mark.parametrize("side", list(Colour))
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_as_dark_as_its_own_side_is_not_taken_for_one_that_fell(side: Colour, seed: int) -> None:
+    """Half behind a bishop, with a light rook beside it, a dark pawn has the rook's colours, but not its lightness."""
+    rng = np.random.default_rng(seed)
+    other = Colour.BLACK if side is Colour.WHITE else Colour.WHITE
+    stays, fell = (
+        rng.choice([one for one in START if one.kind is Kind.PAWN and one.colour is c]) for c in (side, other)
+    )
+    home, light = TABLE.xy(stays.place), {Colour.WHITE: 160.0, Colour.BLACK: 15.0}
+    wrong, told = (0.97 if side is Colour.BLACK else -0.97), list[Sighting]()
+    for one in shown({}, gone=frozenset({fell.name}), seed=seed).all:
+        lightness = light[Colour.WHITE if one.white > 0.0 else Colour.BLACK] + float(rng.normal(0.0, 5.0))
+        seen_as = wrong if math.dist((one.x, one.y), home) < 0.01 else one.white
+        told.append(replace(one, white=seen_as, lightness=lightness))
+    x, y = TABLE.xy(fell.place)
+    told.append(Sighting(x, y + 0.02 * (1.0 if y < 0.0 else -1.0), 0.021, False, -3.0 * wrong))
+    found = whereabouts(START, Sightings(tuple(told), frozenset()))
+    assert found is not None
+    assert not found.moved
+    assert [piece.name for piece in found.missing] == [fell.name]
 
 
 def test_what_lies_in_place_of_a_piece_is_no_piece_that_stands() -> None:
