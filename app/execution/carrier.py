@@ -206,19 +206,18 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_stand_up
 
-        self._step = None
-        if self._height.doubtful:
-            self.permission.await_clear(seen)
-            self._height.feel(self._devices.arm, self._planner(stands), one, misplaced, stands, self._ui)
-            self._go_home(stands, None, touching=True)
         plan = plan_stand_up(self._planner(stands), one, misplaced, stands, self._height.lower)
+        self._step = None
         try:
             self.permission.await_clear(seen)
             return self._devices.arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
-            self._height.doubt(stop)
             self._ui.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
+            if self._height.is_doubted_by(stop):
+                self.permission.await_clear(seen)
+                self._height.feel(self._devices.arm, self._planner(stands), one, misplaced, stands, self._ui)
+                self._go_home(stands, None, touching=True)
             return None
 
     def push_for(

@@ -136,9 +136,9 @@ class PoseSearch:
         return None
 
     def standing_about(self, piece: PieceSpec, place: Place, at: tuple[float, float]) -> MisplacedPiece | None:
-        """A piece of a place as it stands near a point [m], if it does; not compared with any other way to be there."""
+        """A piece of a place as it stands near a point [m], if depth shows it so; not compared with other ways."""
         way = self._near(piece, Pose(*at))
-        if not _is_there(way):
+        if not (_is_there(way) and self._is_high(piece, way.pose)):
             return None
         way, std = self._spread(piece, way)
         return MisplacedPiece(piece, place, way.pose, std, way.support, way.seen, 1.0)

@@ -62,6 +62,10 @@ _BEHIND: Final = 0.05
 """Of what colours say, where something else hides most of a piece."""
 _CONTRADICTED: Final = 30.0
 """Of what a person says is something else."""
+_TOLD_APART: Final = 40.0
+"""By so much in lightness, of 255, both sides differ in a picture in which that says which is which; …"""
+_CLEARLY: Final = 0.25
+"""… of what is no further from one side's, as a share of that."""
 _UNDECIDED: Final = 0.4
 """Less evidence for a side says nothing, see ``Sighting.white``: in the dark, or in light from the side."""
 SURE: Final = 2.9
@@ -148,8 +152,8 @@ def _less_of_colours(stands: Inventory, seen: Sightings) -> tuple[Sighting, ...]
     light, dark = (_lightness(stands, seen, side) for side in (Colour.WHITE, Colour.BLACK))
 
     def share(one: Sighting) -> float:
-        nearer = abs(one.lightness - dark) - abs(one.lightness - light)  # of what is white, > 0; NaN: unknown
-        if nearer * one.white < 0.0:
+        lit = (one.lightness - dark) / (light - dark) if light - dark > _TOLD_APART else math.nan
+        if (one.white > 0.0 and lit < _CLEARLY) or (one.white < 0.0 and lit > 1.0 - _CLEARLY):  # NaN: neither
             return 0.0
         return _BEHIND if any(math.dist((one.x, one.y), at) < _HOME for at in places) else 1.0
 

@@ -46,8 +46,8 @@ def plan_feeling(
         if in_the_strip([Strip((x - half, y), along, 2.0 * half, aside)], others, MARGIN) is not None:
             continue
         begin = cell.base([(x, y, pads.half_height)])[0]
-        route = feeling_down(cell, begin, 0.0, np.asarray(planner.start, dtype=float), planner.finger, others)
         try:
+            route = feeling_down(cell, begin, 0.0, np.asarray(planner.start, dtype=float), planner.finger, others)
             motion, _ = motion_of(cell, "down onto the board", route)
         except PlanRefused:
             continue

@@ -16,9 +16,9 @@ from hardware.sim.hand.actions import Action, HandSettings, Withdraw
 from hardware.sim.hand.motion import Program
 from hardware.sim.hand.routines import HandFailed, Routines
 from hardware.sim.hand.sight import SeenPiece, TableView
-from hardware.sim.plant import strokes
+from hardware.sim.plant import tick
 from hardware.sim.plant.plant import Plant
-from hardware.sim.plant.strokes import NOTHING, ServoStrokes
+from hardware.sim.plant.tick import NOTHING, ServoStrokes
 from hardware.table import PieceSpec, TableSettings
 
 _STREAM: Final = 0x68616E64
@@ -87,7 +87,7 @@ class Hand:
     def withdraw(self) -> None:
         """Leave off as soon as what has begun to move comes to rest, put down what is held, and go home."""
         if self.busy:
-            self._follow(self._program.cut(strokes.time_at(self._followed, self._plant.tick)))
+            self._follow(self._program.cut(tick.time_at(self._followed, self._plant.tick)))
             self._work = self._routines.leave_off()
         elif math.dist(self._pose[:3], self._home[:3]) > _PARKED_WITHIN:
             self._start((Withdraw(),))
@@ -103,7 +103,7 @@ class Hand:
         """Set the servos for the tick that comes; whether actions have just ended, well or not (``failed``)."""
         if self._work is None:
             return False
-        if strokes.over(self._followed, self._plant.tick) and not self._next():
+        if tick.over(self._followed, self._plant.tick) and not self._next():
             return True
         self._command()
         return False
@@ -146,7 +146,7 @@ class Hand:
         self._allow_sleep(not self.holding)
 
     def _command(self) -> None:
-        strokes.follow(self._followed, self._plant.tick, self._plant.data.ctrl)
+        tick.follow(self._followed, self._plant.tick, self._plant.data.ctrl)
 
     def _allow_sleep(self, allowed: bool) -> None:
         """A tree that may not sleep wakes up in the next step; new targets of its servos would not wake it."""

@@ -1,4 +1,4 @@
-"""How a hand moves: smooth strokes as people make them, added up (``plant.strokes``); pure functions of time.
+"""How a hand moves: smooth strokes as people make them, added up (``plant.tick``); pure functions of time.
 
 A new stroke may begin before the one before has ended, as people do it. So corners become round.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.sim.bodies.hand import HandPose
-from hardware.sim.plant.strokes import add_up
+from hardware.sim.plant.tick import add_up
 
 PEAK: Final = 1.875
 """Highest speed of a minimum-jerk stroke over its mean speed."""
@@ -59,7 +59,7 @@ class Program:
         return Target(*told)
 
     def table(self) -> NDArray[np.float64]:
-        """The strokes as rows, see ``plant.strokes.ServoStrokes``."""
+        """The strokes as rows, see ``plant.tick.ServoStrokes``."""
         rows = [(stroke.begin, stroke.duration, *stroke.change.tolist()) for stroke in self.strokes]
         return np.array(rows, dtype=np.float64).reshape(-1, 2 + len(self.start))
 

@@ -22,7 +22,7 @@ from hardware.sim.bodies.hand import SENSOR as HAND_SENSOR
 from hardware.sim.plant import tick
 from hardware.sim.plant.imperfections import PERFECT, Flaws
 from hardware.sim.plant.snapshot import STATE, Snapshot
-from hardware.sim.plant.strokes import NOTHING, ServoStrokes
+from hardware.sim.plant.tick import NOTHING, ServoStrokes
 from hardware.table import Box
 
 LONGEST_RUN: Final = 64

@@ -6,7 +6,7 @@ from hardware.sim.hand.actions import REQUEST, Perform
 from hardware.sim.hand.hand import Hand
 from hardware.sim.hand.routines import HandFailed
 from hardware.sim.plant.plant import Plant
-from hardware.sim.plant.strokes import NOTHING, ServoStrokes
+from hardware.sim.plant.tick import NOTHING, ServoStrokes
 from hardware.sim.process.connections import Refused, Service, Visitor
 
 

@@ -178,6 +178,25 @@ def test_where_something_is_lower_than_it_should_be_the_board_is_felt_once(
     assert np.allclose(arm.at, HOME, atol=1e-9)
 
 
+def test_a_stop_while_the_board_is_felt_leads_home_and_to_another_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, going = Arm(), Going()
+    arm.lower, execute = 0.002, arm.execute
+
+    def pressed(plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        arm.presses = int("how high the board is" in plan.label)
+        return execute(plan, begin)
+
+    monkeypatch.setattr(arm, "execute", pressed)
+    carrier, record = carrier_of(arm, None, tmp_path, going)
+    with record:
+        assert carrier.stand_up(FREE, [FREE], STANDS, None) is None
+    assert going.asked == 1
+    assert [label.split()[0] for label in arm.done] == ["stand", "home", "home"]
+    assert np.allclose(arm.at, HOME, atol=1e-9)
+
+
 def test_an_arm_that_was_left_elsewhere_goes_home_and_one_at_home_stays(tmp_path: Path) -> None:
     for at, ways in ((HOME, 0), (HOME + np.array([0.03, -0.05, 0.02]), 1)):
         arm = Arm(at)

@@ -224,6 +224,20 @@ def test_what_was_nudged_in_a_tray_is_put_right_and_what_stands_beside_all_place
     assert repair.transfers[0].seen == pytest.approx((0.20, -0.197), abs=0.005)
 
 
+@pytest.mark.parametrize("shares", [(0.0, 1.0), (0.45, 0.55)], ids=["told apart", "hardly"])
+def test_a_light_pawn_in_a_dark_ones_place_is_not_that_one_whatever_the_light(shares: tuple[float, float]) -> None:
+    """Colours alone tell sides apart where lightness does not; and where both do, they agree."""
+    dark, light = (20.0 + 140.0 * share for share in shares)
+    rng, told = np.random.default_rng(1), list[Sighting]()
+    mine, other = (next(one for one in START if one.kind is Kind.PAWN and one.colour is side) for side in Colour)
+    for one in shown({mine.name: TABLE.xy(other.place)}, gone=frozenset({other.name})).all:
+        told.append(replace(one, lightness=(light if one.white > 0.0 else dark) + float(rng.normal(0.0, 8.0))))
+    found = whereabouts(START, Sightings(tuple(told), frozenset()))
+    assert found is not None
+    assert found.moved == {mine.name}
+    assert [piece.name for piece in found.missing] == [other.name]
+
+
 @pytest.mark.parametrize("side", list(Colour))
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_as_dark_as_its_own_side_is_not_taken_for_one_that_fell(side: Colour, seed: int) -> None:
