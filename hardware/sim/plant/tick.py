@@ -156,7 +156,7 @@ def _call(_typing: Any, function: Any, first: Any, second: Any, third: Any) -> A
 
 _FLOATS, _TABLE = types.float64[::1], types.float64[:, ::1]
 _WHOLES, _PAIRS = types.int64[::1], types.int64[:, ::1]
-SERVO_STROKES = types.NamedTuple((types.int64[:, ::1], _TABLE, _FLOATS, _TABLE, _FLOATS), ServoStrokes)  # type: ignore[no-untyped-call]
+_SERVO_STROKES = types.NamedTuple((_PAIRS, _TABLE, _FLOATS, _TABLE, _FLOATS), ServoStrokes)  # type: ignore[no-untyped-call]
 _PLACES = types.NamedTuple((*[_WHOLES] * 6, _PAIRS), Addresses)  # type: ignore[no-untyped-call]
 _TRIPLE = types.UniTuple(types.float64, 3)  # type: ignore[no-untyped-call]
 _STRETCH = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
@@ -293,7 +293,7 @@ def add_up(start: Array, strokes: Array, time: float, out: Array) -> None:
             out[2, i] += change[i] * push
 
 
-@numba.njit(types.float64(SERVO_STROKES, types.float64), cache=True)
+@numba.njit(types.float64(_SERVO_STROKES, types.float64), cache=True)
 def time_at(followed: ServoStrokes, tick: float) -> float:
     """Since the start, at the end of a tick that comes [s]."""
     clock = followed.clock
@@ -301,13 +301,13 @@ def time_at(followed: ServoStrokes, tick: float) -> float:
     return elapsed
 
 
-@numba.njit(types.boolean(SERVO_STROKES, types.float64), cache=True)
+@numba.njit(types.boolean(_SERVO_STROKES, types.float64), cache=True)
 def over(followed: ServoStrokes, tick: float) -> Any:
     """Whether something else is to be followed from a tick on."""
     return time_at(followed, tick) > followed.clock[2]
 
 
-@numba.njit(types.void(SERVO_STROKES, types.float64, _FLOATS), cache=True)
+@numba.njit(types.void(_SERVO_STROKES, types.float64, _FLOATS), cache=True)
 def follow(followed: ServoStrokes, tick: float, controls: Array) -> None:
     """Set the servos for a tick that comes, in MuJoCo's controls."""
     told = np.empty((3, len(followed.start)))
@@ -322,7 +322,7 @@ def follow(followed: ServoStrokes, tick: float, controls: Array) -> None:
     _STRETCH(
         types.int64, types.int64, types.int64, types.int64, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _PLACES, _FLOATS,
         _FLOATS, _TABLE, _FLOATS, _TABLE, _FLOATS, _FLOATS, types.int64, types.int64, types.int64, _FLOATS, _FLOATS,
-        _TABLE, SERVO_STROKES, types.boolean,
+        _TABLE, _SERVO_STROKES, types.boolean,
     ), cache=True,
 )  # fmt: skip
 def run(

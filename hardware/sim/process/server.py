@@ -213,10 +213,8 @@ class World:
                 return Stretch(0, 0, self._said)
             most = min(most, self._longest_idle - self._idle)
         most = min(most, min(self._clocks.due, self._cameras.due) - plant.tick)
-        if most <= 0:
-            return Stretch(0, 0, self._said)
         ticks, said = plant.run(controller, most, until_rest=not needed, followed=self._hand.followed)
-        if not ticks:  # the hand is to be led further
+        if not ticks:  # somebody waits for this one, or the hand is to be led further
             return Stretch(0, 0, self._said)
         self._idle = 1 if needed else self._idle + ticks  # as exchanges one by one would leave it
         self._missed, self._reported, self._said = 0, plant.tick - 1, controller.measured()
