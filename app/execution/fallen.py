@@ -14,6 +14,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from hardware.table import Place, TableSettings
 from vision.pieces.lying_or_standing import MisplacedPiece
+from vision.pieces.misplaced import PUT_BY
 from vision.pieces.verify import TOLERANCE
 
 MOST_TRIES: Final = 6
@@ -68,10 +69,11 @@ def unaided(
     """
     if not missing:
         return None
-    # where exactly a piece stands in a tray matters once the arm has failed to take it
+    # where exactly a piece stands in its place in a tray matters once the arm has failed to take it
     found = [
         one for one in misplaced()
         if one.lies or one.target.on_board or one.target in missing or one.piece.name in handled
+        or not _is_there(one, one.target, stands.table, PUT_BY)
     ]  # fmt: skip
     if any(one.lies for one in found):
         return Fallen(tuple(found))
@@ -122,6 +124,6 @@ def _is_on(one: MisplacedPiece, square: Place, table: TableSettings) -> bool:
     return float(np.abs(off).max()) <= 0.5 * table.square
 
 
-def _is_there(one: MisplacedPiece, goal: Place, table: TableSettings) -> bool:
+def _is_there(one: MisplacedPiece, goal: Place, table: TableSettings, within: float = TOLERANCE) -> bool:
     """Whether it stands where it goes already: what the fingers lost over a tray often does."""
-    return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE
+    return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= within

@@ -1,8 +1,9 @@
-"""What the robot can do over a table: reach, condition of J_c, torque that is left over board and trays."""
+"""What the robot can do over a table: its workspace there, condition of J_c, torque left over board and trays."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.dynamics import gravity_torque, joint_inertia
 from controller.model.kinematics import OK, arm_directions, control_jacobian, inverse_kinematics
+from hardware.interfaces import Triple
+from hardware.parameters import RobotParameters
 from hardware.piece_set import PIECE_SHAPES
 from hardware.table import Place, TableSettings, square_place
 
@@ -19,6 +22,16 @@ CLEARANCE: Final = 0.010
 """Of a carried piece over the tallest one [m]."""
 LARGEST_CONDITION: Final = 6.0
 """Of J_c: beyond it a torque or encoder error weighs six times more in one direction than in another."""
+WORST_CONDITION: Final = 8.0
+"""Of J_c wherever the tool may be: around what it works at, a piece may have fallen, or a hand may push the arm."""
+ABOVE_BOARD: Final = 0.120
+"""The middle of the workspace box, over the playing surface [m]."""
+LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.260, 0.125)
+"""Of the workspace box, which has room for larger boards and trays than the smallest ones [m]."""
+AZIMUTHS: Final = 72
+"""In so many directions the arm's reach is looked for; between two of them it differs by a few tenths of a millimetre."""
+REACH_STEP: Final = 1e-4
+"""How finely; what is found is rounded to a millimetre [m]."""
 
 LEAST_SQUARE: Final = 0.030
 MOST_SQUARE: Final = 0.080
@@ -27,6 +40,20 @@ LEAST_DEPTH: Final = 0.34
 MOST_DEPTH: Final = 0.56
 DEPTH_STEP: Final = 0.01
 """Between which, and how finely, the largest board is looked for [m]."""
+
+
+class Workspace(NamedTuple):
+    """Where the tool may be, base frame: a box, and no farther from the base's axis than ``reach`` [m]."""
+
+    centre: Triple
+    half_size: Triple
+    reach: float
+
+    def holds(self, point: FloatArray) -> NDArray[np.bool_]:
+        """Which of the points (..., 3) lie in it."""
+        inside = np.all(np.abs(point - np.array(self.centre)) <= self.half_size, axis=-1)
+        within: NDArray[np.bool_] = inside & (np.hypot(point[..., 0], point[..., 1]) <= self.reach)
+        return within
 
 
 class BoardDoesNotFit(ValueError):
@@ -50,6 +77,33 @@ class PointSurvey(NamedTuple):
 
 NO_WORK: Final = PointSurvey(math.inf, math.nan, math.nan)
 """Out of reach, or too near a singularity."""
+
+
+def workspace(parameters: RobotParameters, table: TableSettings) -> Workspace:
+    """Where the tool may be over a table: the controller's limit, and what planners keep to.
+
+    The box ends just below the playing surface. ``reach`` is where, there, J_c in the worst direction comes to be
+    conditioned as `WORST_CONDITION` says: with the board nearer to the base the arm reaches farther.
+    """
+    x, y, surface = table.centre_in_base
+    middle, (half_x, half_y, half_z) = surface - ABOVE_BOARD, LEAST_HALF_SIZE
+    half_size = max(half_x, table.half_width), max(half_y, table.half_play[1]), half_z
+    return Workspace((x, y, middle), half_size, _reach(parameters, middle + half_z))
+
+
+@lru_cache(maxsize=64)
+def _reach(parameters: RobotParameters, depth: float) -> float:
+    """By bisection; 0 if nowhere at that depth J_c is conditioned well enough [m]."""
+    model = DeltaModel(parameters)
+    turns = np.linspace(0.0, 2.0 * math.pi, AZIMUTHS, endpoint=False)
+    around = np.column_stack([np.cos(turns), np.sin(turns)])
+    low, high = 0.0, parameters.geometry.proximal_length + parameters.geometry.distal_length
+    while high - low > REACH_STEP:
+        radius = 0.5 * (low + high)
+        rim = ((*(radius * way), depth) for way in around)
+        good = all(survey_point(model, np.array(point)).condition <= WORST_CONDITION for point in rim)
+        low, high = (radius, high) if good else (low, radius)
+    return round(low, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +175,7 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
     """The survey of a table at which the robot, with the heaviest thing it carries, can play; heights as for `survey`.
 
     Raises ``BoardDoesNotFit`` if at some height a place is out of reach, J_c is conditioned worse than
-    `LARGEST_CONDITION`, or holding there takes more than the rated torque.
+    `LARGEST_CONDITION`, it lies outside the workspace, or holding there takes more than the rated torque.
     """
     found = survey(model, table, heights)
     _refuse(found, table, ~found.reachable, "out of reach")
@@ -129,6 +183,11 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
     _refuse(
         found, table, found.condition > LARGEST_CONDITION,
         f"too near a singularity (condition of J_c {worst:.1f} at worst, at most {LARGEST_CONDITION:.1f} is allowed)",
+    )  # fmt: skip
+    room = workspace(model.parameters, table)
+    _refuse(
+        found, table, ~room.holds(found.point),
+        f"outside the workspace, which ends {1e3 * room.reach:.0f} mm from the base's axis",
     )  # fmt: skip
     rated = model.parameters.drive.rated_torque
     most = float(found.holding_torque.max())
@@ -176,7 +235,7 @@ def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
     largest = largest_board(model, table)
     raise BoardDoesNotFit(
         f"a board of {1e3 * table.square:.1f} mm squares with its trays fits nowhere below the base: choose squares of "
-        f"{1e3 * LEAST_SQUARE:.0f} to {1e3 * largest.square:.0f} mm",
+        f"{1e3 * LEAST_SQUARE:.0f} to {math.floor(1e3 * largest.square)} mm",
         (),
     )
 
@@ -198,16 +257,15 @@ def _largest_square(model: DeltaModel, table: TableSettings, depth: float, trays
 
 
 def _fits(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> bool:
-    """Looks at corner squares, trays and boxes alone: what is nearer to the axis is easier."""
-    places = [square_place(corner) for corner in (0, 7, 56, 63)]
+    """Also whether the tool can be held in the middle of its workspace, which is higher than any place."""
+    places = [square_place(square) for square in range(64)]
     places += [place for place in table.tray_places() + table.drop_points() if trays]
-    rated = model.parameters.drive.rated_torque
-    for place in places:
-        for height in working_heights():
-            found = survey_point(model, table.base_from_board(np.array([*table.xy(place), height])))
-            if not (found.condition <= LARGEST_CONDITION and found.holding_torque <= rated):
-                return False
-    return True
+    points = table.base_from_board(np.array([(*table.xy(place), h) for place in places for h in working_heights()]))
+    room, rated = workspace(model.parameters, table), model.parameters.drive.rated_torque
+    surveys = (survey_point(model, point) for point in (np.array(room.centre), *points[::-1]))  # the farthest come early
+    return bool(room.holds(points).all()) and all(
+        here.condition <= LARGEST_CONDITION and here.holding_torque <= rated for here in surveys
+    )
 
 
 def _remedy(found: Survey, fails: NDArray[np.bool_]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from controller.model.compiled import SCALAR, VECTOR, Vector, compiled_as, direct
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK, inverse_kinematics
+from controller.model.workspace import workspace
 from controller.protocol.causes import Cause
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
@@ -133,7 +134,7 @@ class Why(NamedTuple):
 WHY: dict[str, Why] = {
     "centre": Why("m", "refuse", "middle of the workspace box: over the board, half way up"),
     "half_size": Why("m", "refuse", "board, trays and home lie inside; below it the tool would press into the table"),
-    "reach": Why("m", "refuse", "from the base's axis; beyond it the arm comes near its singular poses"),
+    "reach": Why("m", "refuse", "from the base's axis; beyond it J_c is conditioned worse than 8: singular poses are near"),
     "speed": Why(
         "m/s",
         "refuse",
@@ -211,12 +212,11 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         parameters: drives and gripper.
         table: where the board stands, contact limits.
     """
-    x, y, surface = table.centre_in_base
-    contact = table.limits
+    room, surface, contact = workspace(parameters, table), table.centre_in_base[2], table.limits
     return Limits(
-        centre=(x, y, surface - 0.120),
-        half_size=(0.300, 0.260, 0.125),
-        reach=0.310,
+        centre=room.centre,
+        half_size=room.half_size,
+        reach=room.reach,
         speed=1.02 * contact.tool_speed,
         shared_speed=1.02 * (contact.shared_tool_speed or contact.tool_speed),
         downward_speed=1.02 * contact.downward_speed,
@@ -237,7 +237,7 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         tracking_most=0.015,
         outside=0.030,
         tool_speed=1.25 * contact.tool_speed + 0.2,
-        joint_middle=joint_middle(parameters, (x, y, surface - 0.120)),
+        joint_middle=joint_middle(parameters, room.centre),
         joint_range=2.2,
         joint_speed=14.0,
         encoder_jump=0.01,

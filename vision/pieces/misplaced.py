@@ -22,6 +22,7 @@ from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of
 from vision.pieces.fit import Fit
 from vision.pieces.lying_or_standing import MisplacedPiece, PoseSearch
+from vision.pieces.outline import labels
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE
@@ -32,7 +33,7 @@ _LEANS: Final = 0.06
 """… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
 heads beyond the edge, and what is high looks further off than it is [m]."""
 _SIGHTED: Final = 0.0015  # error of where a piece stands that was only sighted, as a standard deviation [m]
-_PUT_BY: Final = 0.012
+PUT_BY: Final = 0.012
 """What stands no further than this from its place on a tray is what was put there [m]: places are 30 mm apart."""
 _SAME: Final = 0.008  # a piece that stands was found twice when both places are no further apart [m]
 
@@ -103,7 +104,7 @@ def find_misplaced(
         for one in known:
             again.take_out(one)
         found = again.told_apart(found, before)
-    found += [one for one in astray if not one.target.in_tray]  # out of play it may stand as it was put there
+    found += [one for one in astray if not one.target.in_tray or _off(one, view.table) > PUT_BY]
     found += [one for one in put_by if _off(one, view.table) > tolerance]
     found = [_sharper(stray, centres) for stray in found]
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
@@ -115,7 +116,7 @@ def _put_by(
     """Pieces on trays that depth shows to stand about where they should, though their outlines were not found there."""
     asked = [(place, piece) for place, piece in missing if place.in_tray and place not in doubted]
     about = [search.standing_about(piece, place, table.xy(place)) for place, piece in asked]
-    return [one for one in about if one is not None and _off(one, table) <= _PUT_BY]
+    return [one for one in about if one is not None and _off(one, table) <= PUT_BY]
 
 
 def _off(one: MisplacedPiece, table: TableSettings) -> float:
@@ -151,10 +152,14 @@ def around_board(view: BoardView, *, trays: bool) -> tuple[float, float]:
 
 
 def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> Mask:
-    """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
-    taken: Mask = np.array([False, *stands])[fit.owner]
+    """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them.
+
+    A missing piece's outline takes no pixel from them: it may have been found where another piece stands.
+    """
+    owner = labels(fit.silhouettes(), fit.part.ground.shape, np.array(stands, dtype=bool))
+    taken: Mask = owner > 0
     if points is not None and fit.places.size:
-        reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
-        off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]
+        reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[owner] + _BEFORE
+        off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[owner]
         taken &= ~(np.hypot(off[..., 0], off[..., 1]) > reach)  # where depth is unknown that is false
     return taken

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.piece_set import PIECE_SHAPES, Kind, piece_profile
-from vision.arrays import Array, Picture
+from vision.arrays import Array, Mask, Picture
 from vision.board.view import BoardView
 from vision.pieces.surface import Surface
 
@@ -175,9 +175,10 @@ class Shapes:
         return np.asarray(self._view.project(points) - self._origin)
 
 
-def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:
-    """Whose silhouette is foremost at each pixel: 1 + index of a piece, 0 none."""
+def labels(seen: Silhouettes, shape: tuple[int, ...], these: Mask | None = None) -> NDArray[np.int16]:
+    """Whose silhouette is foremost at each pixel: 1 + index of a piece, 0 none; of ``these`` (n,) alone."""
     drawn = np.zeros(shape, dtype=np.int16)
     for index in np.argsort(-seen.distance).tolist():
-        cv2.fillPoly(drawn, [np.rint(seen.contour[index] * 8.0).astype(np.int32)], 1 + index, shift=3)
+        if these is None or these[index]:
+            cv2.fillPoly(drawn, [np.rint(seen.contour[index] * 8.0).astype(np.int32)], 1 + index, shift=3)
     return drawn

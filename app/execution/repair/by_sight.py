@@ -117,11 +117,12 @@ def whereabouts(
     """
     seen = replace(seen, all=_less_of_colours(stands, seen))
     seen = replace(seen, hidden=_hidden(stands, seen))
-    pieces, sightings, standing = _beyond_doubt(stands, seen)
+    tops = _heights(stands, seen.all, heights)
+    pieces, sightings, standing = _beyond_doubt(stands, seen, tops)
     lying = tuple((one.x, one.y) for one in sightings if not one.upright)
     sightings = [one for one in sightings if one.upright]
     nowhere = _LIES if lying else _NOWHERE
-    cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights), nowhere)
+    cost = _costs(stands, pieces, sightings, seen.hidden, tops, nowhere)
     cost[: len(pieces), : len(sightings)] += _strangers(stands, pieces, sightings, untouched)
     cost[: len(pieces), : len(sightings)] += _against_words(stands, pieces, sightings, told)
     rows, columns = cheapest_pairs(cost)
@@ -177,16 +178,19 @@ def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:
     )  # fmt: skip
 
 
-def _beyond_doubt(stands: Inventory, seen: Sightings) -> tuple[list[PieceSpec], list[Sighting], dict[str, Point]]:
+def _beyond_doubt(
+    stands: Inventory, seen: Sightings, tops: Mapping[Kind, float]
+) -> tuple[list[PieceSpec], list[Sighting], dict[str, Point]]:
     """Pieces and sightings that are to be given to each other, and where those stand that are not: what is seen in a
-    tray, perhaps cut by the picture's edge, is the piece that was put there.
+    tray, perhaps cut by the picture's edge, is the piece that was put there, unless it is as low as if it lay.
     """
     table, sightings, standing = stands.table, list(seen.all), dict[str, Point]()
     pieces = [piece for piece in stands if not piece.place.in_box]
     for one in seen.all:
         nearest = min(pieces, key=lambda piece: math.dist((one.x, one.y), table.xy(piece.place)))
-        at = table.xy(nearest.place)
-        if nearest.place.in_tray and math.dist((one.x, one.y), at) <= _HOME and nearest.name not in standing:
+        lies = not one.upright and one.height < tops[nearest.kind] - _LOWER
+        at_home = math.dist((one.x, one.y), table.xy(nearest.place)) <= _HOME
+        if nearest.place.in_tray and at_home and not lies and nearest.name not in standing:
             standing[nearest.name] = one.x, one.y
             sightings.remove(one)
     return [piece for piece in pieces if piece.name not in standing], sightings, standing

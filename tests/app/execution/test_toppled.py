@@ -22,7 +22,8 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame
-from hardware.sim.process.table_studio import TableStudio
+from hardware.piece_set import PIECE_SHAPES
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.table import TableSettings, square_place
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.outcome import ReadingOutcome
@@ -135,3 +136,25 @@ def test_of_a_move_only_what_it_set_down_counts_and_nothing_off_centre_where_it_
 
     faults = object.__new__(Seen).badly_set(chess.Move.from_uci("e2e4"), said=said)
     assert ([fault.square for fault in faults], asked) == ([chess.E4], [beyond])
+
+
+@pytest.mark.slow
+def test_a_spare_that_lies_about_its_place_in_a_tray_is_known_to_lie(studio: TableStudio) -> None:
+    """Its neighbours stand close by, and the outline of one that is missing may be found where they do."""
+    found = []
+    for seed in range(6):
+        _, stands, observer, still, scene = table_after(studio, 4300 + seed, 0)
+        rng, spares = np.random.default_rng(seed), [piece for piece in stands if piece.place.in_tray]
+        one = spares[rng.integers(len(spares))]
+        shape, (x, y) = PIECE_SHAPES[one.kind], TABLE.xy(one.place)
+        others = [TABLE.xy(piece.place) for piece in stands if piece is not one]
+        while True:  # until it lies on none of them
+            yaw, foot = rng.uniform(-math.pi, math.pi), np.array((x, y)) + rng.uniform(-0.012, 0.012, 2)
+            along = [foot + part * shape.height * np.array((math.cos(yaw), math.sin(yaw))) for part in (0.0, 0.5, 1.0)]
+            if min(math.dist(spot, other) for spot in along for other in others) > 0.022:
+                break
+        lying = PlacedPiece(one.name, *foot.tolist(), height=shape.foot_radius, yaw=yaw + 0.5 * math.pi, tip=0.5 * math.pi)
+        still.shown = scene.photograph({**scene.table.poses, one.name: lying})
+        observer.verify(stands)
+        found.append(any(stray.lies and stray.piece.name == one.name for stray in observer.misplaced(stands)))
+    assert sum(found) >= 5

@@ -58,6 +58,15 @@ def test_what_lies_comes_first() -> None:
     assert step.misplaced == (stands, lies)
 
 
+def test_who_stands_something_up_knows_what_else_stands_elsewhere() -> None:
+    """Else its place in the tray counts as taken, and where it stands as free."""
+    lies, spare = stray("d5", "d4", yaw=0.3), next(piece for piece in STANDS if piece.place.in_tray)
+    elsewhere = MisplacedPiece(spare, spare.place, Pose(*TABLE.xy(place("g2"))))
+    step = decided(elsewhere, lies, missing={"d5"})
+    assert isinstance(step, Fallen)
+    assert step.misplaced == (elsewhere, lies)
+
+
 def test_a_lost_piece_goes_straight_to_where_it_shall_stand() -> None:
     pawn = stray("e4", "f4", 0.004)
     step = decided(pawn, missing={"e4"}, wanted=moved(pawn, "e5"))

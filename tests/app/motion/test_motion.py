@@ -19,12 +19,14 @@ from app.motion.settings import Gains
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
+from controller.model.constants import DeltaModel
+from controller.model.workspace import seated
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind
-from hardware.table import Place, TableSettings, square_place
+from hardware.table import Captured, Place, TableSettings, square_place
 from hardware.turned_shapes import KNIGHT_HEAD
 
 PARAMETERS = load_parameters()
@@ -91,6 +93,23 @@ def test_a_carried_foot_clears_what_it_passes_over(seed):
                 foot = tool[over, 2] - shape.grip_height
                 assert foot.min(initial=1.0) >= PIECE_SHAPES[piece.kind].height + 0.9 * MOTION.clearance
             now = now.moved(transfer)
+
+
+@settings(max_examples=6)
+@given(square=st.floats(0.030, 0.056), captured=st.sampled_from(Captured))
+def test_where_a_board_is_said_to_fit_every_outermost_place_can_be_served(square: float, captured: Captured) -> None:
+    heaviest = DeltaModel(PARAMETERS, max(shape.mass for shape in PIECE_SHAPES.values()))
+    table = seated(heaviest, TableSettings(square=square, captured=captured))
+    limits, inventory = default_limits(PARAMETERS, table), Inventory.of(start_layout(chess.Board(), table), table)
+    planner = Planner.of(MOTION, PARAMETERS, table, HOME, OPEN, 8)
+    beside = table.drop_points() or [place for place in table.tray_places() if not inventory.at(place)]
+    for place in sorted(beside, key=lambda place: float(np.hypot(*table.xy(place))))[-4:]:
+        pawn = inventory.at(square_place(chess.D7))
+        assert pawn is not None
+        for motion in planner.ply("captured", (Transfer.of(pawn, place),), inventory).motions:
+            positions = motion.samples["position"]
+            assert np.hypot(positions[:, 0], positions[:, 1]).max() <= limits.reach
+            assert (np.abs(positions - limits.centre) <= limits.half_size).all()
 
 
 def test_a_ply_of_two_transfers_flows_from_one_to_the_next_without_going_home():

@@ -12,17 +12,19 @@ from controller.model.reach import jacobians_at
 from controller.model.workspace import (
     LARGEST_CONDITION,
     NO_WORK,
+    WORST_CONDITION,
     BoardDoesNotFit,
     require_fit,
     survey,
     survey_point,
     working_heights,
+    workspace,
 )
 from controller.offline import constrained
 from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES, Kind
-from hardware.table import TableSettings
+from hardware.table import Captured, TableSettings
 
 MODEL = DeltaModel(load_parameters())
 DRIVE = MODEL.parameters.drive
@@ -121,6 +123,28 @@ def test_a_tournament_board_fits_only_nearer_to_the_base() -> None:
     ):
         require_fit(MODEL, TableSettings(square=0.057))
     assert require_fit(MODEL, TableSettings(square=0.057, centre_in_base=(0.0, 0.0, 0.40))).condition.max() < 6.0
+
+
+def test_places_that_the_tool_may_not_be_driven_to_are_refused_before_a_game() -> None:
+    with pytest.raises(
+        BoardDoesNotFit,
+        match=r"4 drop points of the boxes \(BL1, BR1, BL16, BR16\) are outside the workspace, which ends 310 mm from the base's",
+    ):
+        require_fit(MODEL, TableSettings(square=0.048, captured=Captured.BOX))
+
+
+@pytest.mark.parametrize("depth", [0.39, 0.43, 0.47, 0.50])
+def test_the_arm_reaches_as_far_as_jacobians_are_well_conditioned_everywhere(depth: float) -> None:
+    room = workspace(MODEL.parameters, TableSettings(centre_in_base=(0.01, -0.02, depth)))
+    turns = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 300)
+    bottom = room.centre[2] + room.half_size[2]
+
+    def worst(radius: float) -> float:
+        rim = np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.full(turns.size, bottom)])
+        return max(survey_point(MODEL, point).condition for point in rim)
+
+    assert bottom > depth, "the tool may press a little into the board"
+    assert worst(room.reach - 1e-3) < WORST_CONDITION < worst(room.reach + 1e-3)
 
 
 def test_a_gripper_too_heavy_to_hold_is_refused_by_its_torque() -> None:
