@@ -57,9 +57,11 @@ def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Pla
     return found
 
 
-def pawns_at(places: Sequence[Place], view: BoardView, fit: Fit) -> Silhouettes:
-    """As pawns would be seen in the middle of some places."""
-    at = np.array([view.table.xy(place) for place in places]).reshape(-1, 2)
+def pawns_at(
+    places: Sequence[Place], view: BoardView, fit: Fit, shift: tuple[float, float] = (0.0, 0.0)
+) -> Silhouettes:
+    """As pawns would be seen in the middle of some places, or so far from there, along x and y [m]."""
+    at = np.array([view.table.xy(place) for place in places]).reshape(-1, 2) + shift
     return Shapes(view, [Kind.PAWN] * len(places), at, fit.part).at(at)
 
 

@@ -44,6 +44,7 @@ agrees with the right kind than with the one next to it, with a standard deviati
 _BY_INSIDE: Final = 5.0  # … and the more what is within looks like its side: by 1 or more with the right one
 _HARDLY: Final = 0.6  # a piece of whose outline less is in sight may be another one than it looks
 _SEEN_THROUGH: Final = 0.5  # of a pawn's silhouette so much shows what is behind: no pawn is there
+_ASIDE: Final = 0.007  # along either axis, from the middle: pieces in trays stand up to a centimetre off [m]
 _IMPOSSIBLE: Final = 1e6
 _LEAST_GAP: Final = 0.4
 """Between the lightness of the sides, as a logarithm; nearer ones say less."""
@@ -255,10 +256,11 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
 
 
 def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
-    """Those of some places where the tray is seen through where a pawn would be."""
+    """Those of some places where the tray is seen through wherever about their middles a pawn might stand."""
     assert fit.rises is not None, "that there is depth was looked for first"
-    pixels, within = pixels_of(pawns_at(places, view, fit).inside, fit)
-    low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
-    for place, share in zip(places, low.mean(axis=1).tolist(), strict=True):
-        if share > _SEEN_THROUGH:
-            yield place
+    share = np.ones(len(places))
+    for shift in product((-_ASIDE, 0.0, _ASIDE), repeat=2):
+        pixels, within = pixels_of(pawns_at(places, view, fit, shift).inside, fit)
+        low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
+        share = np.minimum(share, low.mean(axis=1))
+    return (place for place, least in zip(places, share.tolist(), strict=True) if least > _SEEN_THROUGH)

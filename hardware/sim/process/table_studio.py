@@ -4,6 +4,7 @@ Nothing moves and no physics runs: the renderer alone draws, so a picture costs 
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -72,6 +73,8 @@ class TableStudio:
             DepthStream(depth_intrinsics(), self._camera.depth_unit, LEFT_IMAGER),
         )
         self._taken = 0
+        self._with_seed = Counter[int]()
+        """So many pictures were taken with each seed: what the others of a studio are does not change their noise."""
 
     def __enter__(self) -> Self:
         return self
@@ -81,7 +84,7 @@ class TableStudio:
         self._device.close()
 
     def frame(self, poses: Iterable[PlacedPiece], looks: SceneState, seed: int, hand: HandPose | None = None) -> Frame:
-        """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
+        """A picture of these pieces and no others; ``seed`` decides the sensors' noise, which is another one each time.
 
         The hand is parked out of the picture where its pose is None; raises ``ValueError`` if there is none in this
         studio.
@@ -89,7 +92,8 @@ class TableStudio:
         if hand is not None and self._hand is None:
             raise ValueError("this studio has no hand: name its side when you open it")
         self._taken += 1
-        sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
+        self._with_seed[seed] += 1
+        sensor = Sensor(camera=self._camera, seed=seed, tick=self._with_seed[seed], depth=True)
         colour, depth = self._still.draw(self._positions(poses, hand), looks, sensor)
         return self._device.frame(colour, depth, self._taken / 30.0)
 
