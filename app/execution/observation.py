@@ -7,7 +7,7 @@ exposed after the asking, with the arm at home.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Collection, Iterable, Mapping, Set
 from dataclasses import replace
 from typing import Final
 
@@ -300,8 +300,8 @@ class GameObserver:
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
-    def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
-        """Pieces that lie, or stand elsewhere than they should, in the newest frame; on the board and beside it."""
+    def misplaced(self, stands: Inventory, besides: Collection[PieceSpec] = ()) -> list[MisplacedPiece]:
+        """Pieces in the newest frame that lie or stand elsewhere than they should; also of some that nobody sees."""
         # of several alike, what is found is rather the one that is missing on the board
         rows = sorted(stands, key=lambda piece: not piece.place.on_board)
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
@@ -310,7 +310,14 @@ class GameObserver:
         seen = self.whereabouts(stands)
         standing = {} if seen is None else {stands.find(name).place: at for name, at in seen.standing.items()}
         misplaced = find_misplaced(
-            self.last, self.view, expected, doubted=doubted, trays=True, before=before, standing=standing
+            self.last,
+            self.view,
+            expected,
+            doubted=doubted,
+            trays=True,
+            before=before,
+            standing=standing,
+            besides=besides,
         )
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
         return list(misplaced)

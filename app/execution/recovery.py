@@ -23,6 +23,7 @@ from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
 from app.execution.repair import Ask, BoardObservation, Repair, Whereabouts, mend, repair_by_sight
+from app.execution.repair.by_sight import boxed
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import PlanRefused
@@ -172,14 +173,15 @@ class Recovery:
         handled = self._stood_up | self._clearing.pushed.keys()
         seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None
         # a second's search: once a look, and only where it is needed
-        misplaced = cache(lambda: self.observer.misplaced(stands))
+        out = boxed(stands) if any(fault.kind is FaultKind.FOREIGN for fault in found.faults) else []
+        misplaced = cache(lambda: self.observer.misplaced(stands, out))
         sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
         # what lies against something else may be no thing of its own to depth
         if sighted is not None and not (isinstance(sighted, Ask) and any(one.lies for one in misplaced())):
             return found.faults, sighted
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | handled if (place := stands.find(name).place).in_tray}
-        missing |= set() if seen is None else seen.fallen_beside(stands)
+        missing |= {piece.place for piece in out} | (set() if seen is None else seen.fallen_beside(stands))
         alone = unaided(missing, stands, wanted, misplaced, handled, people=board is not None)
         self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:

@@ -25,7 +25,7 @@ class Law(StrEnum):
 
 HIGHEST_HOME: Final = 0.29
 """z₃ of the tool, base frame [m]: above it the condition of J_c grows from 2 to infinity within 20 mm."""
-_DEFAULT_CENTRE: Final = TableSettings().centre_in_base
+_DEFAULT: Final = TableSettings()
 
 
 class Grip(Frozen):
@@ -105,9 +105,13 @@ class MotionSettings(Frozen):
     grip: Grip = Grip()
 
     def at(self, table: TableSettings) -> Self:
-        """For another table: home keeps its place over the board, but is no higher than the arm can fold up."""
-        x, y, z = (a + b - c for a, b, c in zip(self.home, table.centre_in_base, _DEFAULT_CENTRE, strict=True))
-        return self.model_copy(update={"home": (x, y, max(z, HIGHEST_HOME))})
+        """For another table: home keeps its place over the board, but is no higher than the arm can fold up; over a
+        larger board, or where it is lower, it is so much further towards White that the camera, which hangs farther
+        from larger boards, sees the first rank past it (at least 14 pixels, of 24 over the default board).
+        """
+        x, y, z = (a + b - c for a, b, c in zip(self.home, table.centre_in_base, _DEFAULT.centre_in_base, strict=True))
+        towards_white = 4.5 * max(0.0, table.square - _DEFAULT.square) + 1.25 * max(0.0, HIGHEST_HOME - z)
+        return self.model_copy(update={"home": (x, y + towards_white, max(z, HIGHEST_HOME))})
 
 
 class Profile(StrEnum):

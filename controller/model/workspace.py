@@ -29,7 +29,7 @@ ABOVE_BOARD: Final = 0.120
 LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.260, 0.125)
 """Of the workspace box, which has room for larger boards and trays than the smallest ones [m]."""
 AZIMUTHS: Final = 72
-"""In so many directions the arm's reach is looked for; between two of them it differs by a few tenths of a millimetre."""
+"""In so many directions the arm's reach is looked for; from one to the next it differs by tenths of a millimetre."""
 REACH_STEP: Final = 1e-4
 """How finely; what is found is rounded to a millimetre [m]."""
 
@@ -262,7 +262,9 @@ def _fits(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> boo
     places += [place for place in table.tray_places() + table.drop_points() if trays]
     points = table.base_from_board(np.array([(*table.xy(place), h) for place in places for h in working_heights()]))
     room, rated = workspace(model.parameters, table), model.parameters.drive.rated_torque
-    surveys = (survey_point(model, point) for point in (np.array(room.centre), *points[::-1]))  # the farthest come early
+    surveys = (
+        survey_point(model, point) for point in (np.array(room.centre), *points[::-1])
+    )  # the farthest come early
     return bool(room.holds(points).all()) and all(
         here.condition <= LARGEST_CONDITION and here.holding_torque <= rated for here in surveys
     )

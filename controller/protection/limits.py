@@ -134,7 +134,9 @@ class Why(NamedTuple):
 WHY: dict[str, Why] = {
     "centre": Why("m", "refuse", "middle of the workspace box: over the board, half way up"),
     "half_size": Why("m", "refuse", "board, trays and home lie inside; below it the tool would press into the table"),
-    "reach": Why("m", "refuse", "from the base's axis; beyond it J_c is conditioned worse than 8: singular poses are near"),
+    "reach": Why(
+        "m", "refuse", "from the base's axis; beyond it J_c is conditioned worse than 8: singular poses are near"
+    ),
     "speed": Why(
         "m/s",
         "refuse",

@@ -42,7 +42,7 @@ def find_misplaced(
     frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *,
     use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
     before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
-    standing: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
+    standing: Mapping[Place, tuple[float, float]] = MappingProxyType({}), besides: Collection[PieceSpec] = (),
 ) -> tuple[MisplacedPiece, ...]:  # fmt: skip
     """Find the pieces on the board, or beside it, that do not stand where they should.
 
@@ -57,6 +57,7 @@ def find_misplaced(
             can tell.
         before: where pieces were that did not stand where they should when they were seen last [m].
         standing: where pieces stand, of those of which that is known, by where they should [m].
+        besides: pieces that should be out of sight, and may lie somewhere all the same.
 
     Returns:
         Those found, the surest first. A missing piece that is not among them is hidden or off the board. One that would
@@ -88,6 +89,7 @@ def find_misplaced(
     # a dozen reserves that are hardly told from the table by colour would each be sought at each other's places
     put_by = [] if points is None else _put_by(search, left, view.table, doubted)
     left = [(place, piece) for place, piece in left if all(one.target != place for one in put_by)]
+    left += [(piece.place, piece) for piece in besides]
     known = [*astray, *put_by]
     for one in known:
         search.take_out(one)
@@ -126,8 +128,8 @@ def _off(one: MisplacedPiece, table: TableSettings) -> float:
 
 def _sharper(stray: MisplacedPiece, centres: Mapping[Place, Centre]) -> MisplacedPiece:
     """Where a standing piece's outline was found as well, its place is known better."""
-    one = centres[stray.target]
-    if stray.lies or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
+    one = centres.get(stray.target)
+    if one is None or stray.lies or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
         return stray
     return replace(stray, pose=Pose(one.x, one.y), std=one.std)
 

@@ -259,7 +259,7 @@ def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]
     """Those of some places where the tray is seen through wherever about their middles a pawn might stand."""
     assert fit.rises is not None, "that there is depth was looked for first"
     share = np.ones(len(places))
-    for shift in product((-_ASIDE, 0.0, _ASIDE), repeat=2):
+    for shift in product((-_ASIDE, 0.0, _ASIDE), (-_ASIDE, 0.0, _ASIDE)):
         pixels, within = pixels_of(pawns_at(places, view, fit, shift).inside, fit)
         low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
         share = np.minimum(share, low.mean(axis=1))

@@ -26,6 +26,7 @@ from vision.pieces.surface import Surface, heights, raised, surface
 
 _CELL: Final = 0.0015  # side of the cells into which points fall, seen from above [m]
 _CEILING: Final = 0.07  # nothing that stands is higher [m]
+_WALL: Final = 0.008  # depth is off by millimetres, and fat at edges: so much wider may a box look [m]
 _LEAST_POINTS: Final = 60  # smaller clusters are noise [px]
 _WIDEST: Final = 0.013
 """A cluster that reaches further from its middle, but for single points, is no one piece that stands [m]."""
@@ -168,10 +169,13 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
 
 def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
     """Indices of pixels, counted row by row, of each thing that rises from the table, on the board or so far beside it
-    along x and along y [m]; pixels show points of the board frame (h, w, 3) [m].
+    along x and along y [m], but not in a box; pixels show points of the board frame (h, w, 3) [m].
     """
     half = 4.0 * view.table.square + np.array(beside)
     within = (np.abs(points[..., :2]) < half).all(axis=-1)  # false where depth is unknown
+    for box in view.table.boxes():  # what is in there, nobody can tell
+        middle, wide = (box.x, box.y), np.array((box.half_x, box.half_y)) + box.wall + _WALL
+        within &= (np.abs(points[..., :2] - middle) > wide).any(axis=-1)
     up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
     label = np.zeros(up.shape, dtype=np.int32)
     at = np.floor((points[up][:, :2] + half) / _CELL).astype(np.intp)

@@ -6,17 +6,9 @@ moves would look the same, ``diagnosis`` says what the arm does and what a perso
 moves.
 """
 
-from app.execution.repair.by_sight import (
-    Whereabouts,
-    exchanged,
-    known_better,
-    placed,
-    refuted,
-    repair_by_sight,
-    toppled,
-    whereabouts,
-)
+from app.execution.repair.by_sight import Whereabouts, placed, repair_by_sight, whereabouts
 from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
+from app.execution.repair.faults_by_depth import exchanged, known_better, refuted, toppled
 from app.execution.repair.observed import BoardObservation, kinds_by_height
 
 __all__ = [

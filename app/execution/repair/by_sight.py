@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
@@ -25,21 +25,18 @@ from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask
 from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
-from hardware.piece_set import PIECE_SHAPES, Colour, Kind, Look
+from hardware.piece_set import Colour, Kind, Look
 from hardware.table import PieceSpec, Place, square_place
 from vision.arrays import cheapest_pairs
-from vision.pieces.verify import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, kind_cost
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
-_CENTRED: Final = 0.006
-"""One that depth sees so near to its centre, to 2 mm, is none that outlines look for in vain: up to 10 mm off [m]."""
 _NUDGED: Final = 0.0085
 """One in a tray that stands further off is put right [m]: fingers find it up to 10 mm off, and 1.5 are for sight."""
-_ABOUT: Final = 0.024
+ABOUT: Final = 0.024
 """What stands, or lies, so near to the middle of a square may be that square's piece [m]."""
-_LOWER: Final = 0.005
+LOWER: Final = 0.005
 """What lies is lower than the same piece standing by more than this [m]: a pawn 21 mm, not 31."""
 _CARRIED: Final = 3.0
 """Cost of a piece on another place: one in twenty."""
@@ -53,6 +50,8 @@ _UNSEEN: Final = 1.0
 """… of one whose place is hidden."""
 _NOBODYS: Final = 9.0
 """… of something that stands there and is no piece of the game."""
+_FALLS_OUT: Final = 2.0
+"""… besides, of one that lay in a box: few bounce out of it."""
 _LOOKS_THE_SAME: Final = 2.3
 """Of another piece that looks just like the one before, within 1.7 mm of where that stood: a hand hits three in ten so
 well, and outlines tell two of three of those (`vision.pieces.swapped`): one in ten."""
@@ -66,8 +65,6 @@ _TOLD_APART: Final = 40.0
 """By so much in lightness, of 255, both sides differ in a picture in which that says which is which; …"""
 _CLEARLY: Final = 0.25
 """… of what is no further from one side's, as a share of that."""
-_UNDECIDED: Final = 0.4
-"""Less evidence for a side says nothing, see ``Sighting.white``: in the dark, or in light from the side."""
 SURE: Final = 2.9
 """What is believed is so much likelier than any other kind, as a logarithm: 18 times."""
 _IMPOSSIBLE: Final = 1e6
@@ -117,8 +114,9 @@ def whereabouts(
     """
     seen = replace(seen, all=_less_of_colours(stands, seen))
     seen = replace(seen, hidden=_hidden(stands, seen))
-    tops = _heights(stands, seen.all, heights)
+    tops = heights_here(stands, seen.all, heights)
     pieces, sightings, standing = _beyond_doubt(stands, seen, tops)
+    pieces += boxed(stands)
     lying = tuple((one.x, one.y) for one in sightings if not one.upright)
     sightings = [one for one in sightings if one.upright]
     nowhere = _LIES if lying else _NOWHERE
@@ -143,6 +141,12 @@ def whereabouts(
         name for name, away in off.items() if _NUDGED < away <= _HOME and stands.find(name).place.in_tray
     )
     return Whereabouts(standing, moved, tuple(missing), lying, nudged)
+
+
+def boxed(stands: Inventory) -> list[PieceSpec]:
+    """Of pieces in boxes, which nobody sees, one of each look: it may have bounced out of there."""
+    looks = {(piece.colour, piece.kind): piece for piece in stands if piece.place.in_box}
+    return list(looks.values())
 
 
 def _less_of_colours(stands: Inventory, seen: Sightings) -> tuple[Sighting, ...]:
@@ -188,7 +192,7 @@ def _beyond_doubt(
     pieces = [piece for piece in stands if not piece.place.in_box]
     for one in seen.all:
         nearest = min(pieces, key=lambda piece: math.dist((one.x, one.y), table.xy(piece.place)))
-        lies = not one.upright and one.height < tops[nearest.kind] - _LOWER
+        lies = not one.upright and one.height < tops[nearest.kind] - LOWER
         at_home = math.dist((one.x, one.y), table.xy(nearest.place)) <= _HOME
         if nearest.place.in_tray and at_home and not lies and nearest.name not in standing:
             standing[nearest.name] = one.x, one.y
@@ -210,6 +214,10 @@ def repair_by_sight(
     believed = placed(stands, found)
     if believed is None:
         return None
+    gone = [wanted.find(piece.name) for piece in found.missing]
+    # what was lost on its way to a box, and is nowhere in sight, has fallen in, or off the table
+    believed = Inventory.of((*believed, *(piece for piece in gone if piece.place.in_box)), stands.table)
+    gone = [piece for piece in gone if not piece.place.in_box]
     there = {piece.name for piece in believed}
     target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
     seen = {name: found.standing[name] for name in found.moved | found.nudged}
@@ -217,85 +225,10 @@ def repair_by_sight(
              if piece.place.on_board and piece.place.index in off and piece.name not in seen}  # fmt: skip
     aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
     transfers = rearrange(believed, target, seen=seen, aside=aside)
-    rest = missing_ask([wanted.find(piece.name) for piece in found.missing]) if found.missing else None
-    if not transfers:
+    rest = missing_ask(gone) if gone else None
+    if not transfers and len(gone) == len(found.missing):
         return rest
     return Repair(believed, transfers, what_is_done(believed, target, transfers), rest)
-
-
-def toppled(stands: Inventory, seen: Sightings) -> Iterator[Fault]:
-    """Pieces of the board in whose place something lies, though from afar it may look as if they stood."""
-    for piece in stands:
-        at = stands.table.xy(piece.place)
-        if not piece.place.on_board or piece.place in seen.hidden:
-            continue
-        near = [one for one in seen.all if math.dist((one.x, one.y), at) < _ABOUT]
-        low = [one for one in near if not one.upright and one.height < PIECE_SHAPES[piece.kind].height - _LOWER]
-        if low and len(low) == len(near):
-            sentence = f"something lies on {piece.place}, where a {piece.colour} {piece.kind} should stand"
-            yield Fault(FaultKind.FALLEN, piece.place.index, sentence, (low[0].x, low[0].y))
-
-
-def refuted(
-    faults: Iterable[Fault], stands: Inventory, seen: Sightings, before: Mapping[Kind, float] = HEIGHTS
-) -> frozenset[Fault]:
-    """Of these faults those that depth knows better: light from the side may hide an outline, but not a height.
-
-    A piece is said to lie, or to be missing, and on its square there stands one thing, of its kind's height and not of
-    the other side; or it is said to stand off its centre, and what stands there is near to that, and nearer.
-    ``before`` are heights as of ``whereabouts`` [m].
-    """
-    heights = _heights(stands, seen.all, before)
-
-    def is_refuted(fault: Fault, piece: PieceSpec) -> bool:
-        at = stands.table.xy(piece.place)
-        near = [one for one in seen.all if math.dist((one.x, one.y), at) < _ABOUT]
-        if len(near) != 1 or not near[0].upright:
-            return False
-        one, off = near[0], math.dist((near[0].x, near[0].y), at)
-        if fault.kind is FaultKind.OFF_CENTRE:
-            return fault.place is not None and off <= _CENTRED and off < math.dist((one.x, one.y), fault.place)
-        costs = {kind: kind_cost(kind, one, heights[kind]) for kind in Kind}
-        mine = one.white if piece.colour is Colour.WHITE else -one.white
-        return off <= _CENTRED and mine > -_UNDECIDED and costs[piece.kind] - min(costs.values()) < SURE
-
-    pieces = ((fault, stands.at(square_place(fault.square))) for fault in faults)
-    return frozenset(fault for fault, piece in pieces if piece is not None and is_refuted(fault, piece))
-
-
-def known_better(
-    faults: Iterable[Fault], stands: Inventory, seen: Sightings, before: Mapping[Kind, float] = HEIGHTS
-) -> tuple[Fault, ...]:
-    """Faults as depth knows them: without those that it refutes, and what is off its centre, and far from where its
-    outline seems to be, where depth shows it: of what stands behind another piece the outline is half a guess.
-
-    ``before`` as of ``refuted``.
-    """
-    faults = tuple(faults)
-    wrong = refuted(faults, stands, seen, before)
-
-    def known(fault: Fault) -> Fault:
-        piece = stands.at(square_place(fault.square))
-        if fault.kind is not FaultKind.OFF_CENTRE or fault.place is None or piece is None:
-            return fault
-        at = stands.table.xy(piece.place)
-        near = [(one.x, one.y) for one in seen.all if one.upright and math.dist((one.x, one.y), at) < _ABOUT]
-        if len(near) != 1 or math.dist(near[0], fault.place) <= _CENTRED:
-            return fault
-        return off_centre(fault.square, piece, stands.table, near[0])
-
-    return tuple(known(fault) for fault in faults if fault not in wrong)
-
-
-def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:
-    """Pieces that look as if nothing had happened, since each stands where another one was of its side."""
-    for name in sorted(seen.moved):
-        piece, at = stands.find(name), seen.standing[name]
-        if piece.place.on_board:
-            squares = map(square_place, range(64))
-            there = min(squares, key=lambda place: math.dist(at, stands.table.xy(place)))
-            sentence = f"the {piece.colour} {piece.kind} of {piece.place} stands on {there}"
-            yield Fault(FaultKind.FOREIGN, piece.place.index, sentence, at)
 
 
 def placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
@@ -319,7 +252,7 @@ def placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
     )
 
 
-def _heights(stands: Inventory, seen: Sequence[Sighting], before: Mapping[Kind, float]) -> dict[Kind, float]:
+def heights_here(stands: Inventory, seen: Sequence[Sighting], before: Mapping[Kind, float]) -> dict[Kind, float]:
     """Of the kinds as they look in this picture: of those that stand at home, or as before and as much off as those."""
     tops = defaultdict[Kind, list[float]](list)
     for piece in (piece for piece in stands if piece.place.on_board):
@@ -343,10 +276,12 @@ def _costs(
         cost[i, j] = (
             kind_cost(piece.kind, one, heights[piece.kind])
             + _OTHER_SIDE * other
+            + (_FALLS_OUT if piece.place.in_box else 0.0)
             + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
         )
     for i, piece in enumerate(pieces):
-        cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else nowhere
+        unseen = _UNSEEN if piece.place in hidden else nowhere
+        cost[i, len(seen) + i] = 0.0 if piece.place.in_box else unseen
     for j in range(len(seen)):
         cost[len(pieces) + j, j] = _NOBODYS
     return cost
@@ -358,7 +293,7 @@ def _against_words(
     """What it costs to believe something else than a person says, (pieces, sightings)."""
     cost = np.zeros((len(pieces), len(seen)))
     for (place, said), (j, one) in product(told.items(), enumerate(seen)):
-        if math.dist((one.x, one.y), stands.table.xy(place)) < _ABOUT:
+        if math.dist((one.x, one.y), stands.table.xy(place)) < ABOUT:
             cost[:, j] = [0.0 if (piece.colour, piece.kind) == said else _CONTRADICTED for piece in pieces]
     return cost
 

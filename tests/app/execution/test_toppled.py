@@ -16,7 +16,7 @@ from app.execution.state import Devices
 from app.execution.table import Table
 from app.measure.bench.vision.actions import ClumsyHands
 from app.measure.bench.vision.games import Scene, open_studio, random_game
-from app.pieces.inventory import Inventory
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.judging import most_off_centre
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
@@ -24,7 +24,7 @@ from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.table import TableSettings, square_place
+from hardware.table import Captured, TableSettings, square_place
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.outcome import ReadingOutcome
 
@@ -153,8 +153,35 @@ def test_a_spare_that_lies_about_its_place_in_a_tray_is_known_to_lie(studio: Tab
             along = [foot + part * shape.height * np.array((math.cos(yaw), math.sin(yaw))) for part in (0.0, 0.5, 1.0)]
             if min(math.dist(spot, other) for spot in along for other in others) > 0.022:
                 break
-        lying = PlacedPiece(one.name, *foot.tolist(), height=shape.foot_radius, yaw=yaw + 0.5 * math.pi, tip=0.5 * math.pi)
+        lying = PlacedPiece(
+            one.name, *foot.tolist(), height=shape.foot_radius, yaw=yaw + 0.5 * math.pi, tip=0.5 * math.pi
+        )
         still.shown = scene.photograph({**scene.table.poses, one.name: lying})
         observer.verify(stands)
         found.append(any(stray.lies and stray.piece.name == one.name for stray in observer.misplaced(stands)))
     assert sum(found) >= 5
+
+
+@pytest.mark.slow
+def test_what_boxes_hold_is_nothing_that_stands_or_lies_about() -> None:
+    """Pieces that came to stand in a box are as high as any, and its walls rise from the table, too."""
+    table = TableSettings(captured=Captured.BOX)
+    with open_studio(table) as studio:
+        for seed in range(3):
+            scene, board = Scene(studio, table, 4400 + seed), chess.Board()
+            still = Still(scene.picture(board))
+            devices = Devices(*(cast(Any, still) for _ in range(3)), None)
+            observer = GameObserver(devices, table, lambda intrinsics: nominal_view(intrinsics, table))
+            observer.begin(board)
+            stands, poses = Inventory.of(start_layout(board, table), table), dict(scene.table.poses)
+            for square, drop in zip((chess.A2, chess.D7, chess.B1, chess.D8), table.drop_points()[::3], strict=False):
+                piece = stands.at(square_place(square))
+                assert piece is not None
+                stands = stands.moved(Transfer.of(piece, drop))
+                x, y = table.xy(drop)
+                poses[piece.name] = replace(poses[piece.name], x=x, y=y)
+            still.shown = scene.photograph(poses)
+            observer.verify(stands)
+            seen = observer.whereabouts(stands)
+            assert seen is not None
+            assert (seen.moved, seen.missing, seen.lying) == (frozenset(), (), ())

@@ -22,10 +22,10 @@ from app.execution.repair import (
     toppled,
     whereabouts,
 )
-from app.pieces.inventory import Inventory
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
-from hardware.table import PieceSpec, Place, TableSettings, square_place
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.verify import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, together
 
@@ -350,3 +350,53 @@ def test_what_a_person_says_settles_what_heights_leave_open(noise: float) -> Non
         assert found is not None
         assert math.dist(found.standing[told.name], spots[chess.D4]) < 1e-9
         assert math.dist(found.standing[other.name], spots[chess.F5]) < 1e-9
+
+
+BOXES = TableSettings(captured=Captured.BOX)
+
+
+def captured(square: str) -> tuple[Inventory, Inventory, PieceSpec]:
+    """Before and after the piece of a square was dropped into a box; and the piece."""
+    stands = Inventory.of(start_layout(chess.Board(), BOXES), BOXES)
+    piece = stands.at(Place.parse(square))
+    assert piece is not None
+    return stands, stands.moved(Transfer.of(piece, stands.nearest_free(Place("BR", 0)))), piece
+
+
+def seen_on(table: TableSettings, stands: Inventory, but: dict[str, tuple[float, float]]) -> Sightings:
+    """All that stands where it should, or elsewhere; what is in boxes nobody sees."""
+    at = {piece.name: table.xy(piece.place) for piece in stands if not piece.place.in_box} | but
+    return Sightings(tuple(sighted(stands.find(name), spot) for name, spot in at.items()), frozenset())
+
+
+@given(st.sampled_from([str(square_place(square)) for square in (*range(16), *range(48, 60))]))
+def test_what_was_lost_on_its_way_to_a_box_and_is_nowhere_in_sight_is_in_it(square: str) -> None:
+    stands, wanted, piece = captured(square)
+    rest = Inventory.of((other for other in stands if other.name != piece.name), BOXES)
+    found = whereabouts(stands, seen_on(BOXES, rest, {}))
+    assert found is not None
+    assert [one.name for one in found.missing] == [piece.name]
+    step = repair_by_sight(stands, wanted, found, {})
+    assert isinstance(step, Repair)
+    assert step.transfers == ()
+    assert step.rest is None
+    assert dict(step.believed.standing) == dict(wanted.standing)
+    asked = repair_by_sight(stands, stands, found, {})
+    assert isinstance(asked, Ask), "on the board it is missed"
+
+
+@given(
+    st.sampled_from([str(square_place(square)) for square in (*range(16), *range(48, 60))]),
+    st.sampled_from([square_place(square) for square in range(16, 48)]),
+)
+def test_what_bounces_out_of_a_box_goes_back_into_it(square: str, landed: Place) -> None:
+    _, stands, piece = captured(square)
+    found = whereabouts(stands, seen_on(BOXES, stands, {piece.name: BOXES.xy(landed)}))
+    if found is None:  # a rook or a knight may be either
+        assert piece.kind in (Kind.ROOK, Kind.KNIGHT)
+        return
+    assert found.moved == {piece.name}
+    step = repair_by_sight(stands, stands, found, {})
+    assert isinstance(step, Repair)
+    (transfer,) = step.transfers
+    assert (transfer.name, transfer.source, transfer.target) == (piece.name, landed, stands.find(piece.name).place)

@@ -128,7 +128,7 @@ def test_a_tournament_board_fits_only_nearer_to_the_base() -> None:
 def test_places_that_the_tool_may_not_be_driven_to_are_refused_before_a_game() -> None:
     with pytest.raises(
         BoardDoesNotFit,
-        match=r"4 drop points of the boxes \(BL1, BR1, BL16, BR16\) are outside the workspace, which ends 310 mm from the base's",
+        match=r"4 drop points of the boxes \(BL1, BR1, BL16, BR16\) are outside the workspace, which ends 310 mm from",
     ):
         require_fit(MODEL, TableSettings(square=0.048, captured=Captured.BOX))
 

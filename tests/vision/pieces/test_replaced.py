@@ -53,7 +53,12 @@ def pictures(
 
 @pytest.mark.parametrize(
     ("start", "end", "off"),
-    [("b1", "f1", (0.003, 0.001)), ("b1", "g1", (-0.004, 0.003)), ("c1", "f1", (0.0, 0.005)), ("a8", "b8", (0.002, -0.003))],
+    [
+        ("b1", "f1", (0.003, 0.001)),
+        ("b1", "g1", (-0.004, 0.003)),
+        ("c1", "f1", (0.0, 0.005)),
+        ("a8", "b8", (0.002, -0.003)),
+    ],
 )
 def test_the_square_is_found_also_of_a_twin(
     studio: TableStudio, start: str, end: str, off: tuple[float, float]
