@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence, Set
+from dataclasses import replace
 from typing import Final
 
 from app.execution.carrier import Carrier
@@ -16,7 +17,7 @@ from app.execution.interruption import BoardTouched
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import Blocked, leant_on
 from app.execution.repair import Ask, Repair
-from app.motion.plan import InTheWay, PlanRefused
+from app.motion.plan import BoxInTheWay, InTheWay, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from app.records import GameRecord
@@ -27,7 +28,7 @@ from vision.pieces.lying_or_standing import MisplacedPiece
 
 MOST_PUSHES: Final = 6
 """Of one piece."""
-MOST_STIRS: Final = 4
+MOST_STIRS: Final = 6
 """Of what leans."""
 _CLOSE: Final = 0.065
 """Pieces that stand so near to where no push helps make way, one after the other [m]."""
@@ -98,21 +99,24 @@ class Clearing:
             if step is not None:
                 return step
             pairs.append(Blocked(name, blocked.piece.name))
+        at_box = {name for name, blocked in refusals if isinstance(blocked, BoxInTheWay)}
         lying = [one for one in misplaced if one.lies and one.piece.name in {pair.name for pair in pairs}]
         return (
-            self._push(pairs, misplaced, stands)
+            any(self.swing(one, misplaced, stands) for one in misplaced if one.piece.name in at_box)
+            or self._push(pairs, misplaced, stands)
             or self._room(pairs, misplaced, stands)
             or any(self.swing(one, misplaced, stands) for one in lying)
         )
 
     def swing(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
-        """Whether a piece that lies so that no push of all of it helps was pushed at its head, its middle or its foot:
-        it turns, and lies otherwise.
+        """Whether a piece that lies so that no push of all of it helps was pushed at its head, its middle or its foot,
+        across: it turns, rather along the boxes and trays than towards them, and lies otherwise.
         """
         others = tuple(each for each in misplaced if each is not one)
         spots = tuple(reversed(_along(one)))
         heap = Leaning(spots, frozenset({one.target}), others, Ask("", ()))
-        return any(self._stir(spot, heap, stands) for spot in spots)
+        heaps = [replace(heap, towards=direction) for direction in turning(one.pose.yaw or 0.0)]
+        return any(self._stir(spot, each, stands) for each in heaps for spot in spots)
 
     def around(self, refused: PlanRefused, step: Repair, misplaced: Sequence[MisplacedPiece]) -> Repair | bool:
         """A piece that is in the way of what is carried goes first where it has to go anyway, or else aside; as
@@ -220,6 +224,12 @@ def _nearest(
         if distance < _CLOSE:
             near.append((distance, piece.name))
     return (name for _, name in sorted(near))
+
+
+def turning(yaw: float) -> tuple[float, float]:
+    """Where the head of a piece that lies in a direction goes to as it is turned, rather along the files [rad]."""
+    side = math.copysign(0.5 * math.pi, math.sin(2.0 * yaw))
+    return yaw + side, yaw - side
 
 
 def _along(one: MisplacedPiece) -> list[Point]:

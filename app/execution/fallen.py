@@ -39,12 +39,14 @@ class Leaning:
         fallen: places whose pieces do not stand.
         misplaced: pieces that were found elsewhere.
         otherwise: what is to be done where nothing can be done about it.
+        towards: where it is to be pushed to [rad]; None: that does not matter.
     """
 
     spots: tuple[Point, ...]
     fallen: frozenset[Place]
     misplaced: tuple[MisplacedPiece, ...]
     otherwise: Ask
+    towards: float | None = None
 
 
 def unaided(

@@ -214,9 +214,12 @@ def plan_pushing(
 
 
 def plan_stirring(
-    planner: Planner, spot: Point, fallen: Set[str], misplaced: Sequence[MisplacedPiece], inventory: Inventory
-) -> Plan:
+    planner: Planner, spot: Point, fallen: Set[str], misplaced: Sequence[MisplacedPiece], inventory: Inventory,
+    towards: float | None = None,
+) -> Plan:  # fmt: skip
     """Push whatever leans at a spot of the board, so that it falls flat; ``fallen`` are names of pieces that may be it.
+
+    It is pushed about ``towards`` a direction [rad]; None: wherever that is possible.
 
     Raises:
         PlanRefused: the fingers do not get at it.
@@ -230,7 +233,7 @@ def plan_stirring(
     def helps(after: LoosePieces) -> bool:
         return any(math.dist((one.x, one.y), spot) > _STIRRED for one in after.standing if one.name == _HEAP_NAME)
 
-    nudge = find_nudge((_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table)
+    nudge = find_nudge((_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table, towards)
     if nudge is None:
         raise PlanRefused("the fingers cannot reach what leans there: lay it flat")
     return plan_nudge(planner, nudge, scene)

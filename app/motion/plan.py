@@ -44,6 +44,10 @@ class InTheWay(PlanRefused):
         self.piece, self.around = piece, around
 
 
+class BoxInTheWay(PlanRefused):
+    """A box is where the fingers have to go; what they have to get at must be pushed away from it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Continuation:
     """All that a motion's samples follow from, planned with it and handed over with it."""

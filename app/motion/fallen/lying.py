@@ -135,6 +135,20 @@ def _room(strip: Strip, row: Sequence[float]) -> float:
     return strip.distance(x, y) - (foot if strip.above < foot_height else stem)
 
 
+def meets_box(strip: Strip, others: Crowd, margin: float) -> bool:
+    """Whether a strip comes nearer than a margin to a box [m]: as no axis of either parts them."""
+    across = np.array([-strip.along[1], strip.along[0]])
+    middle = np.array(strip.start) + 0.5 * strip.length * strip.along
+    for x, y, half_x, half_y, _ in others.boxes.tolist():
+        axes = np.array([[1.0, 0.0], [0.0, 1.0], strip.along, across])
+        apart = np.abs(axes @ (middle - (x, y)))
+        strips = np.abs(axes @ strip.along) * 0.5 * strip.length + np.abs(axes @ across) * strip.half_width
+        boxes = np.abs(axes) @ np.array([half_x, half_y])
+        if (apart < strips + boxes + strip.around + margin).all():
+            return True
+    return False
+
+
 def in_the_strip(strips: Sequence[Strip], others: Crowd, margin: float) -> Obstacle | None:
     """The piece that is nearest to these strips, if it is nearer than a margin [m]; None: they are free."""
     found, nearest = None, margin

@@ -56,6 +56,8 @@ class PivotSettings(FrozenFinite):
     """[s], each: for the press, the circle, the way outwards, and until the piece stands still."""
     margin: PositiveFloat = 0.002
     """What stands stays so far from all that moves [m]."""
+    wall_margin: PositiveFloat = 0.001
+    """… and walls, which do not fall [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from app.motion.arcs import Arc, Waypoints, Workcell, homewards, over, polygon
-from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip
+from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip, meets_box
 from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd
@@ -34,6 +34,7 @@ _GAP: Final = 0.005
 _SPEED: Final = 0.08
 """Of a push: what is let go of at this speed slides on by 0.7 mm [m/s]."""
 _DIRECTIONS: Final = 16
+_ABOUT: Final = 0.85  # cosine of the largest angle between a push and where it should go to
 _FIRST, _STEP, _LAST = 0.006, 0.004, 0.042
 """Ways that are tried [m]."""
 _SURE: Final = 0.004
@@ -69,12 +70,12 @@ class Nudge:
 
 def find_nudge(
     names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
-    table: TableSettings,
+    table: TableSettings, towards: float | None = None,
 ) -> Nudge | None:  # fmt: skip
     """The least push of one of the named pieces that helps, if there is one.
 
     The scene has all pieces on the table; ``kept`` are the names of those that stand where they should, and ``helps``
-    says whether the arm can go on in a scene.
+    says whether the arm can go on in a scene. Pushes are about ``towards`` a direction [rad]; None: wherever to.
     """
     best, least = None, math.inf
     bodies = _bodies(scene)
@@ -82,6 +83,8 @@ def find_nudge(
         others = crowd_of(scene, table, without=name)
         for number in range(_DIRECTIONS):
             direction = 2.0 * math.pi * number / _DIRECTIONS
+            if towards is not None and math.cos(direction - towards) < _ABOUT:
+                continue
             oblique = _OBLIQUE if number % (_DIRECTIONS // 4) else 0.0
             dearer = oblique + (_DISTURBS if name in kept else 0.0)
             for way in _ways(bodies, name, direction, table):
@@ -140,10 +143,12 @@ def _ways(bodies: dict[str, Vector], name: str, direction: float, table: TableSe
     walls = [abs(box.x) - box.half_x - box.wall - _MARGIN for box in table.boxes()]
     most_x, most_y = min([table.half_width, *walls]), 4.0 * table.square + _EDGE
     at_first = [_apart(body, other) for other in rest]
+    wide = body[:, 2] if walls else 0.0
+    # what lies beyond already may be pushed away from there
+    far_x, far_y = np.maximum(most_x, np.abs(body[:, 0]) + wide), np.maximum(most_y, np.abs(body[:, 1]))
     for way in np.arange(_FIRST, _LAST, _STEP).tolist():
         moved = body + np.append(way * unit, 0.0)
-        aside = moved[:, 2] if walls else 0.0
-        if (np.abs(moved[:, 0]) + aside > most_x).any() or (np.abs(moved[:, 1]) > most_y).any():
+        if (np.abs(moved[:, 0]) + wide > far_x).any() or (np.abs(moved[:, 1]) > far_y).any():
             return
         for other, first in zip(rest, at_first, strict=True):
             nearest = min(_apart(body + np.append(s * unit, 0.0), other) for s in np.linspace(0.0, way, _SAMPLES))
@@ -193,21 +198,7 @@ def _is_free(nudge: Nudge, others: Crowd, pads: Pads) -> bool:
     ahead, wide = reach(pads, unit), reach(pads, np.array([-unit[1], unit[0]]))
     x, y = (np.array(nudge.begin) - ahead * unit).tolist()
     strip = Strip((x, y), unit, 2.0 * ahead + math.dist(nudge.begin, nudge.end), wide, max(0.0, nudge.tips - _MARGIN))
-    return in_the_strip([strip], others, _MARGIN) is None and not _meets_boxes(strip, others)
-
-
-def _meets_boxes(strip: Strip, others: Crowd) -> bool:
-    """Whether a strip comes near to a box: as no axis of either parts them."""
-    across = np.array([-strip.along[1], strip.along[0]])
-    middle = np.array(strip.start) + 0.5 * strip.length * strip.along
-    for x, y, half_x, half_y, _ in others.boxes.tolist():
-        axes = np.array([[1.0, 0.0], [0.0, 1.0], strip.along, across])
-        apart = np.abs(axes @ (middle - (x, y)))
-        strips = np.abs(axes @ strip.along) * 0.5 * strip.length + np.abs(axes @ across) * strip.half_width
-        boxes = np.abs(axes) @ np.array([half_x, half_y])
-        if (apart < strips + boxes + _MARGIN).all():
-            return True
-    return False
+    return in_the_strip([strip], others, _MARGIN) is None and not meets_box(strip, others, _MARGIN)
 
 
 def _pushed(scene: LoosePieces, nudge: Nudge, way: float) -> LoosePieces:

@@ -15,12 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from app.motion.arcs import Arc, Workcell, homewards, over, polygon
-from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
+from app.motion.fallen.lying import Lying, Strip, in_the_strip, meets_box, standing_near
 from app.motion.fallen.pivot_edge import PivotEdge, PivotSettings, circle, pivot_of, reach, sweep
 from app.motion.motions import motion_of, sampled_motion
 from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
-from app.motion.plan import InTheWay, Motion, Plan
+from app.motion.plan import BoxInTheWay, InTheWay, Motion, Plan
 from app.motion.planner import Planner
 from app.motion.route import Route
 from app.motion.timing.reference import eased
@@ -47,8 +47,8 @@ def plan_upright(
     """Stand a piece up where it lies, and go home.
 
     All pieces that stand, and others that lie, are given where they are, and ``lower`` is by how much the board is
-    lower than the table says [m]. Raises ``InTheWay`` if a piece is where the fingers or the foot have to go and
-    ``PlanRefused`` if it lies beyond the arm's workspace.
+    lower than the table says [m]. Raises ``InTheWay`` if a piece is where the fingers or the foot have to go,
+    ``BoxInTheWay`` if a box is, and ``PlanRefused`` if it lies beyond the arm's workspace.
     """
     cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
     pivot, others = pivot_of(shape, how), standing_near(standing, others_lying, cell.table)
@@ -59,6 +59,8 @@ def plan_upright(
             "must go; move that piece away first",
             blocking,
         )
+    if _at_a_box(cell, lying, pivot, others, how):
+        raise BoxInTheWay(f"the {lying.called} lies too near to a box for the fingers to stand it up: push it away")
     begin = _tool_point(cell, lying, pivot.contact)
     low = 2.0 * shape.foot_radius
     route = feeling_down(cell, begin, low, np.asarray(planner.start, dtype=float), planner.finger, others)
@@ -83,18 +85,28 @@ def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vect
 
 def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
     """Whether nothing else is where the fingers or the foot have to go."""
-    return _blocking(cell, lying, pivot_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
+    pivot = pivot_of(PIECE_SHAPES[lying.kind], _USUAL)
+    blocking = _blocking(cell, lying, pivot, others, _USUAL)
+    return blocking is None and not _at_a_box(cell, lying, pivot, others, _USUAL)
 
 
 def _blocking(cell: Workcell, lying: Lying, pivot: PivotEdge, others: Crowd, how: PivotSettings) -> Obstacle | None:
+    return in_the_strip(_strips(cell, lying, pivot, how), others, how.margin)
+
+
+def _at_a_box(cell: Workcell, lying: Lying, pivot: PivotEdge, others: Crowd, how: PivotSettings) -> bool:
+    return any(meets_box(strip, others, how.wall_margin) for strip in _strips(cell, lying, pivot, how))
+
+
+def _strips(cell: Workcell, lying: Lying, pivot: PivotEdge, how: PivotSettings) -> list[Strip]:
+    """Where the fingers go, and where the foot comes to stand."""
     pads, out = cell.parameters.pads, lying.outwards
     block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
     base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius
     strips = [
         Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(pivot, how)
     ]
-    strips.append(Strip(_xy(base + pivot.stands * out), out, 0.0, 0.0, around=foot))
-    return in_the_strip(strips, others, how.margin)
+    return [*strips, Strip(_xy(base + pivot.stands * out), out, 0.0, 0.0, around=foot)]
 
 
 def _xy(point: Vector) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -181,7 +181,7 @@ class Paper:
     def whereabouts(self, stands: Inventory) -> None:
         """As without depth."""
 
-    def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
+    def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = ()) -> list[MisplacedPiece]:
         beside = [
             MisplacedPiece(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
             for piece in self.truth
