@@ -19,6 +19,7 @@ from app.motion.settings import Gains
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
+from app.rig.simulation.nominal_view import nominal_view
 from controller.model.constants import DeltaModel
 from controller.model.workspace import seated
 from controller.protection.limits import default_limits
@@ -26,6 +27,7 @@ from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind
+from hardware.sim.render.d435 import colour_intrinsics
 from hardware.table import Captured, Place, TableSettings, square_place
 from hardware.turned_shapes import KNIGHT_HEAD
 
@@ -393,3 +395,15 @@ def test_neighbours_across_the_finger_axis_do_not_block():
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([beside]), PARAMETERS.pads) is None
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([along]), PARAMETERS.pads) == along
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.062, Crowd.of([along]), PARAMETERS.pads) is None, "above it"
+
+
+@given(square=st.floats(0.030, 0.0565), captured=st.sampled_from(Captured))
+def test_at_home_the_arm_hides_no_piece_of_the_first_rank(square: float, captured: Captured) -> None:
+    heaviest = DeltaModel(PARAMETERS, max(shape.mass for shape in PIECE_SHAPES.values()))
+    table = seated(heaviest, TableSettings(square=square, captured=captured))
+    view = nominal_view(colour_intrinsics(640, 480), table)
+    x, y, height = table.board_from_base(np.array(MOTION.at(table).home)).tolist()
+    corners = [(x + i * 0.020, y + j * 0.008, height - 0.012) for i in (-1, 1) for j in (-1, 1)]
+    lowest = view.project(corners)[:, 1].max()
+    crowns = [(file * square, -3.5 * square, PIECE_SHAPES[Kind.KING].height) for file in (-1.5, -0.5, 0.5, 1.5)]
+    assert view.project(crowns)[:, 1].min() - lowest > 12.0
