@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.board_height import BoardHeight
-from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, progress_of
+from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, is_over_box, progress_of
 from app.execution.pauses import Permission
 from app.execution.state import Attendant, Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
@@ -356,8 +356,9 @@ class Carrier:
         self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
         self.midway = False
         return CarryFailed(
-            Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
-        )
+            Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure),
+            not missed and is_over_box(transfer, state, inventory.table),
+        )  # fmt: skip
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""

@@ -51,11 +51,15 @@ class CarryFailed(Exception):
         transfer: of the piece.
         done: so many transfers of the job were done before.
         inventory: what stands where after those; where the piece is, only the camera can tell.
+        over_box: it was lost over the box that it was for.
     """
 
-    def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
+    def __init__(
+        self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str, over_box: bool = False
+    ) -> None:
         super().__init__(sentence)
         self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
+        self.over_box = over_box
 
 
 class BoardTouched(Exception):
@@ -128,6 +132,11 @@ def _is_down(at: tuple[float, float], transfer: Transfer, arm: ArmAtRest, table:
 def _over(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
     """Whether the tool is where it sets the piece down; or over the box, into which the piece falls from anywhere."""
     if transfer.target.in_box:
-        x, y, _ = table.board_from_base(arm.reference).tolist()
-        return table.box_of(transfer.target).holds(x, y)
+        return is_over_box(transfer, arm, table)
     return _is_down(table.xy(transfer.target), transfer, arm, table)
+
+
+def is_over_box(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
+    """Whether the tool is over the box that a piece is for; False: it is for none."""
+    x, y, _ = table.board_from_base(arm.reference).tolist()
+    return transfer.target.in_box and table.box_of(transfer.target).holds(x, y)

@@ -87,8 +87,8 @@ class Recovery:
         self._clearing = Clearing(observer, carrier, record, ui, clock)
         self._loose: tuple[MisplacedPiece, ...] = ()
         """What the arm has to keep clear of in what it does next."""
-        self._lost: set[str] = set()
-        """Pieces that the arm has lost, or not got, since the board was last right."""
+        self._lost, self._boxed = set[str](), set[str]()
+        """Pieces that the arm has lost, or not got, since the board was last right; and those lost over their boxes."""
 
     @property
     def stale(self) -> bool:
@@ -98,6 +98,8 @@ class Recovery:
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
         self._lost.add(failure.transfer.name)
+        if failure.over_box:
+            self._boxed.add(failure.transfer.name)
         self.observer.note_not_there(failure.transfer.name)
         self._ui.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
@@ -139,6 +141,7 @@ class Recovery:
                 return RecoveryResult(stands, rounds, duration, answered=True)
             if step is None:
                 self._lost.clear()
+                self._boxed.clear()
                 return RecoveryResult(stands, rounds, duration)
             self._mending(True)
             if isinstance(step, Fallen):
@@ -225,7 +228,7 @@ class Recovery:
         if seen.lying or not (seen.moved or seen.missing or seen.nudged):
             return None
         self._straightened |= seen.nudged
-        return repair_by_sight(stands, wanted, seen, found.places)
+        return repair_by_sight(stands, wanted, seen, found.places, self._boxed)
 
     def _places(
         self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]

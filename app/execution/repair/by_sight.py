@@ -201,8 +201,9 @@ def _beyond_doubt(
 
 
 def repair_by_sight(
-    stands: Inventory, wanted: Inventory, found: Whereabouts, off: Mapping[int, Point]
-) -> Repair | Ask | None:
+    stands: Inventory, wanted: Inventory, found: Whereabouts, off: Mapping[int, Point],
+    lost_over_box: Set[str] = frozenset(),
+) -> Repair | Ask | None:  # fmt: skip
     """What the arm does so that all stands as wanted; None: it cannot be said on which places pieces stand.
 
     Args:
@@ -210,14 +211,16 @@ def repair_by_sight(
         wanted: what shall.
         found: what does.
         off: where pieces stand that are on their squares, but off the centres, by square, board frame [m].
+        lost_over_box: names of pieces that the arm has lost over the boxes that they were for; if they are nowhere in
+            sight, they have fallen in.
     """
     believed = placed(stands, found)
     if believed is None:
         return None
     gone = [wanted.find(piece.name) for piece in found.missing]
-    # what was lost on its way to a box, and is nowhere in sight, has fallen in, or off the table
-    believed = Inventory.of((*believed, *(piece for piece in gone if piece.place.in_box)), stands.table)
-    gone = [piece for piece in gone if not piece.place.in_box]
+    fell_in = [piece for piece in gone if piece.place.in_box and piece.name in lost_over_box]
+    believed = Inventory.of((*believed, *fell_in), stands.table)
+    gone = [piece for piece in gone if piece not in fell_in]
     there = {piece.name for piece in believed}
     target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
     seen = {name: found.standing[name] for name in found.moved | found.nudged}
