@@ -306,7 +306,7 @@ def test_what_has_no_effect_or_no_meaning_is_refused(arguments: str, said: str) 
 
 def test_settings_of_a_file_without_effect_are_said(tmp_path: Path) -> None:
     file, out = tmp_path / "my.toml", tmp_path / "game"
-    file.write_text('[rig]\nname = "board"\nsquare = 59.0\nvideo = false\n[game]\nmoves = "e4"\n', encoding="utf-8")
+    file.write_text('[rig]\nname = "board"\nsquare = 57.0\nvideo = false\n[game]\nmoves = "e4"\n', encoding="utf-8")
     done = CliRunner().invoke(app, ["demo", "--config", str(file), "--headless", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines() == [

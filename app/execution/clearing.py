@@ -72,7 +72,7 @@ class Clearing:
         """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
         name = leant_on(one, misplaced, stands)
         stray = next((each for each in misplaced if each.piece.name == name and not each.lies), None)
-        if name is None:
+        if name is None or stands.find(name).place.in_box:
             return None
         try:
             transfer = (
@@ -115,7 +115,7 @@ class Clearing:
         others = tuple(each for each in misplaced if each is not one)
         spots = tuple(reversed(_along(one)))
         heap = Leaning(spots, frozenset({one.target}), others, Ask("", ()))
-        heaps = [replace(heap, towards=direction) for direction in turning(one.pose.yaw or 0.0)]
+        heaps = [*(replace(heap, towards=direction) for direction in turning(one.pose.yaw or 0.0)), heap]
         return any(self._stir(spot, each, stands) for each in heaps for spot in spots)
 
     def around(self, refused: PlanRefused, step: Repair, misplaced: Sequence[MisplacedPiece]) -> Repair | bool:

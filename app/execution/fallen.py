@@ -79,6 +79,8 @@ def unaided(
     ]  # fmt: skip
     if any(one.lies for one in found):
         return Fallen(tuple(found))
+    # of what belongs in a box, and stands about, depth says more
+    found = [one for one in found if not one.target.in_box]
     # what hides a piece from one look may not from the next
     right = [one for one in found if _is_there(one, one.target, stands.table)]
     found = [one for one in found if one not in right]

@@ -98,8 +98,7 @@ class Recovery:
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
         self._lost.add(failure.transfer.name)
-        if failure.over_box:
-            self._boxed.add(failure.transfer.name)
+        (self._boxed.add if failure.over_box else self._boxed.discard)(failure.transfer.name)
         self.observer.note_not_there(failure.transfer.name)
         self._ui.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
@@ -159,7 +158,7 @@ class Recovery:
                     stands, took, step = self._carry(step, faults)
                     stands, duration = with_missing(stands, before, wanted), duration + took
                 else:  # it has come to stand where it shall
-                    stands, step = step.believed, step.rest
+                    stands, step = with_missing(step.believed, stands, wanted), step.rest
             if step is not None:
                 self._ask(step, faults, stands)
                 stands = wanted
@@ -176,7 +175,8 @@ class Recovery:
         handled = self._stood_up | self._clearing.pushed.keys()
         seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None
         # a second's search: once a look, and only where it is needed
-        out = boxed(stands) if any(fault.kind is FaultKind.FOREIGN for fault in found.faults) else []
+        foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
+        out = boxed(stands) if foreign and self.observer.deep else []
         misplaced = cache(lambda: self.observer.misplaced(stands, out))
         sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
         # what lies against something else may be no thing of its own to depth
@@ -285,7 +285,8 @@ class Recovery:
         (name, why), table = refusals[0], stands.table
         one = next(one for one in step.misplaced if one.piece.name == name)
         lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {_where(one, table)}"
-        return stands, 0.0, cleared or Ask(f"{lies}, and {why}: stand it on {one.target}", squares_of(faults))
+        back = "put it back into its box" if one.target.in_box else f"stand it on {one.target}"
+        return stands, 0.0, cleared or Ask(f"{lies}, and {why}: {back}", squares_of(faults))
 
     def _eased(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | bool:
         """What helps a piece that did not come up: what it leans on goes first, or it is pushed, and lies otherwise.

@@ -147,6 +147,8 @@ def plan_making_way(
     itself = next((one for one in misplaced if one.piece.name == blocks), None)
     if itself is not None and itself.lies:
         raise PlanRefused(f"{blocks}, which is in the way, has fallen over too: take it off the board")
+    if piece.place.in_box:
+        raise PlanRefused(f"{blocks}, which is in the way, belongs in a box: put it there")
     seen = None if itself is None else (itself.pose.x, itself.pose.y)
     misplaced = [one for one in misplaced if one is not itself]
     gone = {one.piece.name for one in misplaced}

@@ -188,7 +188,7 @@ class Table:
         after = self.inventory.after(transfers(self.board, move, self.inventory))
         found = self.observer.whereabouts(after)
         return found is not None and not (
-            found.missing or found.lying or any(after.find(name).place.on_board for name in found.moved)
+            found.missing or found.lying or any(not after.find(name).place.in_tray for name in found.moved)
         )
 
     def fallen(self) -> list[MisplacedPiece]:

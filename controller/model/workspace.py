@@ -23,11 +23,13 @@ CLEARANCE: Final = 0.010
 LARGEST_CONDITION: Final = 6.0
 """Of J_c: beyond it a torque or encoder error weighs six times more in one direction than in another."""
 WORST_CONDITION: Final = 8.0
-"""Of J_c wherever the tool may be: around what it works at, a piece may have fallen, or a hand may push the arm."""
+"""Of J_c at the rim of the workspace, at its bottom: a piece may have fallen, or a hand push the arm there."""
 ABOVE_BOARD: Final = 0.120
 """The middle of the workspace box, over the playing surface [m]."""
 LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.260, 0.125)
 """Of the workspace box, which has room for larger boards and trays than the smallest ones [m]."""
+BESIDE: Final = 0.020
+"""The box goes so far beyond the outermost places along the files: boards may be turned a little [m]."""
 AZIMUTHS: Final = 72
 """In so many directions the arm's reach is looked for; from one to the next it differs by tenths of a millimetre."""
 REACH_STEP: Final = 1e-4
@@ -87,7 +89,7 @@ def workspace(parameters: RobotParameters, table: TableSettings) -> Workspace:
     """
     x, y, surface = table.centre_in_base
     middle, (half_x, half_y, half_z) = surface - ABOVE_BOARD, LEAST_HALF_SIZE
-    half_size = max(half_x, table.half_width), max(half_y, table.half_play[1]), half_z
+    half_size = max(half_x, table.half_width), max(half_y, table.half_play[1] + BESIDE), half_z
     return Workspace((x, y, middle), half_size, _reach(parameters, middle + half_z))
 
 

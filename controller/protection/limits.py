@@ -181,9 +181,13 @@ WHY: dict[str, Why] = {
         "compliant",
         "measured; the fastest reference plus its tracking error: beyond it something else moves the tool",
     ),
-    "joint_middle": Why("rad", "-", "servomotor angles with the tool in the middle of the workspace box"),
+    "joint_middle": Why(
+        "rad", "-", "servomotor angles with the tool in the middle of the workspace box over the default board"
+    ),
     "joint_range": Why(
-        "rad", "brakes", "to either side; within reach in the workspace box angles go from -2.0 to 2.0 rad"
+        "rad",
+        "brakes",
+        "to either side, where the stops are; at the places of all boards that fit, angles are below 2.0 rad",
     ),
     "joint_speed": Why("rad/s", "brakes", "fast moves reach 9.3 rad/s; the drives' own limit is 20"),
     "encoder_jump": Why("rad", "brakes", "between an angle's step and its own velocity; counts are 1.5 µrad"),
@@ -239,7 +243,7 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         tracking_most=0.015,
         outside=0.030,
         tool_speed=1.25 * contact.tool_speed + 0.2,
-        joint_middle=joint_middle(parameters, room.centre),
+        joint_middle=joint_middle(parameters, workspace(parameters, TableSettings()).centre),
         joint_range=2.2,
         joint_speed=14.0,
         encoder_jump=0.01,

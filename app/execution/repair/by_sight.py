@@ -246,7 +246,7 @@ def placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
         off, place = near[0]
         if off > SEEN_WITHIN * table.square:  # beside all places: as if it had been pushed off its own
             place = stands.find(name).place
-            if place in taken:
+            if place in taken or place.in_box:
                 return None
         places[name] = place
         taken.add(place)

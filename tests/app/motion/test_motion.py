@@ -22,7 +22,7 @@ from app.pieces.manipulation import transfers
 from app.rig.simulation.nominal_view import nominal_view
 from controller.model.constants import DeltaModel
 from controller.model.workspace import seated
-from controller.protection.limits import default_limits
+from controller.protection.limits import default_limits, joint_middle
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
@@ -98,12 +98,13 @@ def test_a_carried_foot_clears_what_it_passes_over(seed):
 
 
 @settings(max_examples=6)
-@given(square=st.floats(0.030, 0.056), captured=st.sampled_from(Captured))
+@given(square=st.floats(0.030, 0.0565), captured=st.sampled_from(Captured))
 def test_where_a_board_is_said_to_fit_every_outermost_place_can_be_served(square: float, captured: Captured) -> None:
     heaviest = DeltaModel(PARAMETERS, max(shape.mass for shape in PIECE_SHAPES.values()))
     table = seated(heaviest, TableSettings(square=square, captured=captured))
     limits, inventory = default_limits(PARAMETERS, table), Inventory.of(start_layout(chess.Board(), table), table)
-    planner = Planner.of(MOTION, PARAMETERS, table, HOME, OPEN, 8)
+    motion = MOTION.at(table)
+    planner = Planner.of(motion, PARAMETERS, table, np.array(motion.home), OPEN, 8)
     beside = table.drop_points() or [place for place in table.tray_places() if not inventory.at(place)]
     for place in sorted(beside, key=lambda place: float(np.hypot(*table.xy(place))))[-4:]:
         pawn = inventory.at(square_place(chess.D7))
@@ -112,6 +113,8 @@ def test_where_a_board_is_said_to_fit_every_outermost_place_can_be_served(square
             positions = motion.samples["position"]
             assert np.hypot(positions[:, 0], positions[:, 1]).max() <= limits.reach
             assert (np.abs(positions - limits.centre) <= limits.half_size).all()
+            angles = [joint_middle(PARAMETERS, (x, y, z)) for x, y, z in positions[::50].tolist()]
+            assert np.abs(np.array(angles) - limits.joint_middle).max() < limits.joint_range - 0.15
 
 
 def test_a_ply_of_two_transfers_flows_from_one_to_the_next_without_going_home():
