@@ -219,6 +219,7 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         table: where the board stands, contact limits.
     """
     room, surface, contact = workspace(parameters, table), table.centre_in_base[2], table.limits
+    joint_middle(parameters, room.centre)  # a workspace whose middle is out of reach has no limits
     return Limits(
         centre=room.centre,
         half_size=room.half_size,
