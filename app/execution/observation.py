@@ -309,16 +309,8 @@ class GameObserver:
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
         seen = self.whereabouts(stands)
         standing = {} if seen is None else {stands.find(name).place: at for name, at in seen.standing.items()}
-        misplaced = find_misplaced(
-            self.last,
-            self.view,
-            expected,
-            doubted=doubted,
-            trays=True,
-            before=before,
-            standing=standing,
-            besides=besides,
-        )
+        misplaced = find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before,
+                                   standing=standing, besides=besides)  # fmt: skip
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
         return list(misplaced)
 

@@ -26,6 +26,10 @@ class Law(StrEnum):
 HIGHEST_HOME: Final = 0.29
 """z₃ of the tool, base frame [m]: above it the condition of J_c grows from 2 to infinity within 20 mm."""
 _DEFAULT: Final = TableSettings()
+_SQUARES_BACK: Final = 4.5
+_BACK_FOR_LOWER: Final = 1.25
+"""So much further towards White is home for each metre that a square is larger, or that home is lower; found by trying
+what a picture of the camera shows past the fingers, on boards of 40 to 56.5 mm squares."""
 
 
 class Grip(Frozen):
@@ -110,7 +114,8 @@ class MotionSettings(Frozen):
         from larger boards, sees the first rank past it (at least 14 pixels, of 24 over the default board).
         """
         x, y, z = (a + b - c for a, b, c in zip(self.home, table.centre_in_base, _DEFAULT.centre_in_base, strict=True))
-        towards_white = 4.5 * max(0.0, table.square - _DEFAULT.square) + 1.25 * max(0.0, HIGHEST_HOME - z)
+        larger, lower = max(0.0, table.square - _DEFAULT.square), max(0.0, HIGHEST_HOME - z)
+        towards_white = _SQUARES_BACK * larger + _BACK_FOR_LOWER * lower
         return self.model_copy(update={"home": (x, y + towards_white, max(z, HIGHEST_HOME))})
 
 

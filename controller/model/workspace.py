@@ -264,9 +264,8 @@ def _fits(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> boo
     places += [place for place in table.tray_places() + table.drop_points() if trays]
     points = table.base_from_board(np.array([(*table.xy(place), h) for place in places for h in working_heights()]))
     room, rated = workspace(model.parameters, table), model.parameters.drive.rated_torque
-    surveys = (
-        survey_point(model, point) for point in (np.array(room.centre), *points[::-1])
-    )  # the farthest come early
+    # the last ones are the farthest out, and tell the soonest
+    surveys = (survey_point(model, point) for point in (np.array(room.centre), *points[::-1]))
     return bool(room.holds(points).all()) and all(
         here.condition <= LARGEST_CONDITION and here.holding_torque <= rated for here in surveys
     )

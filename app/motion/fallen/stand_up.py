@@ -52,14 +52,15 @@ def plan_upright(
     """
     cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
     pivot, others = pivot_of(shape, how), standing_near(standing, others_lying, cell.table)
-    blocking = _blocking(cell, lying, pivot, others, how)
+    strips = _strips(cell, lying, pivot, how)
+    blocking = in_the_strip(strips, others, how.margin)
     if blocking is not None:
         raise InTheWay(
             f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
             "must go; move that piece away first",
             blocking,
         )
-    if _at_a_box(cell, lying, pivot, others, how):
+    if any(meets_box(strip, others, how.wall_margin) for strip in strips):
         raise BoxInTheWay(f"the {lying.called} lies too near to a box for the fingers to stand it up: push it away")
     begin = _tool_point(cell, lying, pivot.contact)
     low = 2.0 * shape.foot_radius
@@ -85,17 +86,10 @@ def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vect
 
 def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
     """Whether nothing else is where the fingers or the foot have to go."""
-    pivot = pivot_of(PIECE_SHAPES[lying.kind], _USUAL)
-    blocking = _blocking(cell, lying, pivot, others, _USUAL)
-    return blocking is None and not _at_a_box(cell, lying, pivot, others, _USUAL)
-
-
-def _blocking(cell: Workcell, lying: Lying, pivot: PivotEdge, others: Crowd, how: PivotSettings) -> Obstacle | None:
-    return in_the_strip(_strips(cell, lying, pivot, how), others, how.margin)
-
-
-def _at_a_box(cell: Workcell, lying: Lying, pivot: PivotEdge, others: Crowd, how: PivotSettings) -> bool:
-    return any(meets_box(strip, others, how.wall_margin) for strip in _strips(cell, lying, pivot, how))
+    strips = _strips(cell, lying, pivot_of(PIECE_SHAPES[lying.kind], _USUAL), _USUAL)
+    return in_the_strip(strips, others, _USUAL.margin) is None and not any(
+        meets_box(strip, others, _USUAL.wall_margin) for strip in strips
+    )
 
 
 def _strips(cell: Workcell, lying: Lying, pivot: PivotEdge, how: PivotSettings) -> list[Strip]:

@@ -115,6 +115,7 @@ def emulated(run_dir: Path, settings: MoteusSettings) -> Iterator[Emulator]:
     control, theirs = context.Pipe()
     process = context.Process(target=emulate, args=(theirs, run_dir, settings), daemon=True)
     process.start()
+    theirs.close()  # an emulator that ends is noticed at once
 
     def end() -> None:
         if process.is_alive():
