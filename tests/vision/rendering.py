@@ -32,10 +32,10 @@ TABLE = TableSettings()
 
 
 @contextmanager
-def studio_of(pieces: Sequence[PieceSpec]) -> Iterator[TableStudio]:
-    """A studio with this set, where this machine has OpenGL; in CI it must."""
+def studio_of(pieces: Sequence[PieceSpec], table: TableSettings = TABLE) -> Iterator[TableStudio]:
+    """A studio with this set, the arm at home, where this machine has OpenGL; in CI it must."""
     try:
-        made = TableStudio(pieces, TABLE, MotionSettings().home)
+        made = TableStudio(pieces, table, MotionSettings().at(table).home)
     except HardwareError as error:
         if os.environ.get("CI"):
             raise

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from hardware.interfaces import Frame
+from hardware.piece_set import PIECE_SHAPES
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.arrays import Array, Mask
 from vision.board.view import BoardView
@@ -22,6 +23,9 @@ from vision.pieces.surface import surface
 
 TOLERANCE: Final = 0.005  # of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]
 RISES: Final = 0.008  # what rises so far above the board, and is no piece that was found, lies there [m]
+_CEILING: Final = max(shape.height for shape in PIECE_SHAPES.values()) + 0.02
+"""What is higher lies nowhere, but is the arm, whose fingers hang 0.1 m or more over the first ranks where it rests over
+a large board [m]."""
 _AROUND: Final = 9  # depth pictures are fat at edges: so wide is left out around pieces that were found [px]
 _LEAST_AREA: Final = 40  # smaller spots are noise [px]
 _SURE: Final = 1.2  # colour evidence, on average over a spot, by which something lies there where there is no depth
@@ -166,7 +170,7 @@ def _risen(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, floa
     """By depth: what stands out of the board's plane."""
     part, rises = surface(view), fit.rises
     assert rises is not None
-    high = free & (rises > RISES) & (rises < 0.12)
+    high = free & (rises > RISES) & (rises < _CEILING)
     # where a point above the board really is, not what it hides: along its ray, as much nearer to the camera
     share = 1.0 - rises[high] / np.maximum(part.climb[high] * part.depth[high], 1e-6)
     eye, places = view.camera_position[:2], np.zeros(part.place.shape)

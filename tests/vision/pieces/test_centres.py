@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 
 from app.measure.bench.vision.calibration import random_looks, random_mount, random_position
 from app.pieces.layout import start_layout
+from controller.model.constants import DeltaModel
+from controller.model.workspace import seated
 from hardware.interfaces import Frame, Intrinsics
-from hardware.piece_set import Colour, Kind, piece_profile
+from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Colour, Kind, piece_profile
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.settings import MountSettings, SceneState
-from hardware.table import PieceSpec, Place, TableSettings, square_place
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
@@ -165,3 +168,21 @@ def test_what_is_wrong_is_told(studio: TableStudio) -> None:
     assert chess.E7 in faults or chess.E6 in faults
     untouched = {chess.B1, chess.C1, chess.D1, chess.H1, chess.A2, chess.B2, chess.C2, chess.H2, chess.A7, chess.H7}
     assert not untouched & set(faults)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("captured", Captured)
+def test_the_arm_at_home_over_a_large_board_is_nothing_that_lies_on_it(captured: Captured) -> None:
+    table = TableSettings(square=0.0563, captured=captured)
+    heaviest = DeltaModel(load_parameters(), max(shape.mass for shape in PIECE_SHAPES.values()))
+    table = seated(heaviest, table)
+    board = chess.Board("rnbqkbnr/pppppppp/8/8/8/8/PPP2PPP/RNK2BNR")  # the fingers hang over the middle
+    expected = {piece.place.index: piece for piece in start_layout(board, table) if piece.place.on_board}
+    poses = [PlacedPiece(piece.name, *table.xy(piece.place)) for piece in expected.values()]
+    rng = np.random.default_rng(0)
+    with studio_of(list(expected.values()), table) as large:
+        for _ in range(8):
+            mount = MountSettings(shift=rng.uniform(-0.01, 0.01, 3).tolist(), turn=rng.uniform(-0.02, 0.02, 3).tolist())
+            frame = large.frame(poses, SceneState(mount=mount), seed=1)
+            view = BoardView(frame.intrinsics, large.camera_from_board(mount), table)
+            assert examine_board(frame, view, expected).faults == ()
