@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from app.execution.repair import Ask, Repair
+from app.execution.repair import Ask, Repair, Whereabouts
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
-from hardware.table import Place, TableSettings
+from hardware.table import Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import PUT_BY
-from vision.pieces.verify import TOLERANCE
+from vision.pieces.verify import TOLERANCE, Fault, FaultKind
 
 MOST_TRIES: Final = 6
 """To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""
@@ -102,6 +102,21 @@ def unaided(
         if one.piece.name not in there
     )
     return Repair(believed, transfers, "the arm carries the pieces it has found to their places")
+
+
+def leaning(
+    faults: Sequence[Fault],
+    seen: Whereabouts | None,
+    misplaced: Callable[[], Sequence[MisplacedPiece]],
+    stands: Inventory,
+    otherwise: Repair | Ask,
+) -> Leaning | Repair | Ask:
+    """Whether a person would be asked for what lies and was not found as such: it leans on something."""
+    fallen = frozenset(square_place(fault.square) for fault in faults if fault.kind is FaultKind.FALLEN)
+    spots = tuple(stands.table.xy(place) for place in fallen) if seen is None else seen.lying
+    if isinstance(otherwise, Repair) or not spots:
+        return otherwise
+    return Leaning(spots, fallen, tuple(misplaced()), otherwise)
 
 
 def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:

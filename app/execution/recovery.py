@@ -18,7 +18,7 @@ import numpy as np
 from app import UserError
 from app.execution.carrier import Carrier
 from app.execution.clearing import Clearing
-from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, unaided, with_missing
+from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, leaning, unaided, with_missing
 from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
@@ -36,6 +36,7 @@ from hardware.interfaces import Clock
 from hardware.table import TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
+from vision.reading.outcome import LOOKS
 
 MOST_ROUNDS: Final = 40
 """Of the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
@@ -135,7 +136,10 @@ class Recovery:
     ) -> RecoveryResult:
         rounds, duration = 0, 0.0
         while True:
-            faults, step = self._decide(stands, wanted, board)
+            for _ in range(LOOKS):
+                faults, step = self._decide(stands, wanted, board)
+                if not isinstance(step, Ask):
+                    break
             if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
                 return RecoveryResult(stands, rounds, duration, answered=True)
             if step is None:
@@ -194,7 +198,7 @@ class Recovery:
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             if not self.observer.deep:  # what looks fallen to colours alone may well stand
                 return found.faults, alone or step
-            return found.faults, alone or _leaning(found.faults, seen, misplaced, stands, step)
+            return found.faults, alone or leaning(found.faults, seen, misplaced, stands, step)
         return found.faults, self._as_believed(found, step, stands, wanted, misplaced)
 
     def _as_believed(
@@ -356,21 +360,6 @@ class Recovery:
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
-
-
-def _leaning(
-    faults: Sequence[Fault],
-    seen: Whereabouts | None,
-    misplaced: Callable[[], Sequence[MisplacedPiece]],
-    stands: Inventory,
-    otherwise: Repair | Ask,
-) -> Leaning | Repair | Ask:
-    """Whether a person would be asked for what lies and was not found as such: it leans on something."""
-    fallen = frozenset(square_place(fault.square) for fault in faults if fault.kind is FaultKind.FALLEN)
-    spots = tuple(stands.table.xy(place) for place in fallen) if seen is None else seen.lying
-    if isinstance(otherwise, Repair) or not spots:
-        return otherwise
-    return Leaning(spots, fallen, tuple(misplaced()), otherwise)
 
 
 def _next_round(rounds: int, faults: Sequence[Fault]) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence, Set
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -43,6 +44,7 @@ from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.outcome import LOOKS
 
 TABLE = TableSettings()
 START = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
@@ -58,6 +60,8 @@ class Paper:
         self.falls: dict[int, Place] = {}
         """The same, of pieces that lie near such a square."""
         self.lying: dict[str, tuple[PieceSpec, Place]] = {}
+        self.blind = 0
+        """In so many looks nothing is found that lies or stands elsewhere."""
         self.in_the_way: str | None = None
         self.crowded: str | None = None
         """This piece is in the way of the fingers, unless it alone is carried."""
@@ -182,6 +186,9 @@ class Paper:
         """As without depth."""
 
     def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = ()) -> list[MisplacedPiece]:
+        if self.blind:
+            self.blind -= 1
+            return []
         beside = [
             MisplacedPiece(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
             for piece in self.truth
@@ -451,6 +458,16 @@ def test_a_captured_piece_that_was_lost_over_a_tray_is_seen_there(tmp_path: Path
     assert same(paper.truth, table.inventory)
     assert table.inventory.find(pawn.name).place.in_tray
     assert before.find(pawn.name).place.on_board
+
+
+@pytest.mark.parametrize("blind", [LOOKS - 1, LOOKS])
+def test_nobody_is_asked_before_several_looks_agree(tmp_path: Path, blind: int) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0], paper.blind = Place.parse("d5"), blind
+    asked = blind == LOOKS
+    with record, pytest.raises(NeedsHand) if asked else nullcontext():
+        table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, len(paper.asked)) == ((0, 1) if asked else (1, 0))
 
 
 def _first_tray(table: Table, move: chess.Move) -> Place:
