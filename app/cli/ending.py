@@ -58,8 +58,13 @@ def ask(question: str) -> str:
     return line.rstrip("\n")
 
 
-def interrupt(_number: int, _frame: FrameType | None) -> None:
+def interrupt(_number: int, frame: FrameType | None) -> None:
     """Handler of signals that ask for the end."""
+    while frame is not None:
+        if frame.f_code is _repeat_swallowed.__code__:  # on a busy machine it may not be over yet: lost there, too
+            _come_again()
+            return
+        frame = frame.f_back
     raise KeyboardInterrupt
 
 
@@ -78,11 +83,15 @@ def _repeat_swallowed(what: sys.UnraisableHookArgs) -> None:
     While Numba loads what it has compiled, destructors are a good part of the time.
     """
     if what.exc_type is KeyboardInterrupt:
-        again = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
-        again.daemon = True
-        again.start()
+        _come_again()
     else:
         sys.__unraisablehook__(what)
+
+
+def _come_again() -> None:
+    again = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True
+    again.start()
 
 
 @contextlib.contextmanager

@@ -145,10 +145,10 @@ def test_a_spare_that_lies_about_its_place_in_a_tray_is_known_to_lie(studio: Tab
     for seed in range(6):
         _, stands, observer, still, scene = table_after(studio, 4300 + seed, 0)
         rng, spares = np.random.default_rng(seed), [piece for piece in stands if piece.place.in_tray]
-        one = spares[rng.integers(len(spares))]
-        shape, (x, y) = PIECE_SHAPES[one.kind], TABLE.xy(one.place)
-        others = [TABLE.xy(piece.place) for piece in stands if piece is not one]
-        while True:  # until it lies on none of them
+        while True:  # until there is room for it to lie
+            one = spares[rng.integers(len(spares))]
+            shape, (x, y) = PIECE_SHAPES[one.kind], TABLE.xy(one.place)
+            others = [TABLE.xy(piece.place) for piece in stands if piece is not one]
             yaw, foot = rng.uniform(-math.pi, math.pi), np.array((x, y)) + rng.uniform(-0.012, 0.012, 2)
             along = [foot + part * shape.height * np.array((math.cos(yaw), math.sin(yaw))) for part in (0.0, 0.5, 1.0)]
             if min(math.dist(spot, other) for spot in along for other in others) > 0.022:
