@@ -14,20 +14,21 @@ from typing import Final
 import chess
 
 from app.execution.board_view import Reading, find_view, look_shown
+from app.execution.fresh_frames import FreshFrames
 from app.execution.repair import BoardObservation, Whereabouts, exchanged, known_better, toppled, whereabouts
 from app.execution.repair.behind import behind_another
 from app.execution.repair.observed import HEIGHTS, kinds_on_squares, on_board, shown_position
-from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices, Told
+from app.execution.state import AwaitedReply, CannotSee, Devices, Told
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.inventory import Inventory
 from app.pieces.layout import KINDS
-from app.rig.arm import Arm
 from app.terminal.shown import LookShown
-from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
+from hardware.interfaces import Frame, Intrinsics
 from hardware.piece_set import Colour, Kind, Look
-from hardware.table import PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.board.moved import Anchor
 from vision.board.view import BoardView, playing_area
+from vision.pieces.boxes import holds_more
 from vision.pieces.centres import piece_centres
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import around_board, find_misplaced
@@ -43,12 +44,10 @@ from vision.standing.recognise import recognise
 from vision.standing.recognised_set import RecognisedSet
 from vision.standing.sightings import Sightings, sightings_of, together
 
-PATIENCE: Final = 3.0
-"""So long a fresh frame is waited for [s]."""
 _ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
 
 
-class GameObserver:
+class GameObserver(FreshFrames):
     """Follows one game by one camera, from ``begin`` on.
 
     Args:
@@ -63,15 +62,10 @@ class GameObserver:
         self, devices: Devices, table: TableSettings, view: Callable[[Intrinsics], BoardView | None],
         show: Callable[[LookShown], None] = lambda _: None,
     ) -> None:  # fmt: skip
+        super().__init__(devices)
         self._show = show
-        assert devices.camera is not None
-        self._camera: Camera = devices.camera
-        self._clock: Clock = devices.clock
-        self._arm: Arm = devices.arm
-        self._guard = devices.guard
         self._table, self._believed = table, view
         self._observer: Observer | None = None
-        self._last: Frame | None = None
         self._shows_known: KnownPicture | None = None
         """A picture of the known position, if there is one."""
         self._likeness: dict[int, tuple[str, float, tuple[float, float]]] = {}
@@ -79,6 +73,8 @@ class GameObserver:
         where its centre was [m]."""
         self._untouched: frozenset[int] = frozenset()
         """Squares whose pieces look just as they did then, in the frame that was verified last."""
+        self._sighted: tuple[tuple[Frame, BoardView, Inventory], Sightings] | None = None
+        """What was asked for last, and what was seen: one look answers several questions."""
         self._told: Told = {}
         self._not_there = set[str]()
         """Pieces that were not where they were taken to be, since the board was last right."""
@@ -87,8 +83,6 @@ class GameObserver:
         """Nobody has seen yet that the board shows the position that was believed to stand there."""
         self._wrong: frozenset[int] = frozenset()
         """Squares on which something was wrong when the board was last verified, but for pieces off their centres."""
-        self._arrivals: int | None = None
-        """So often a hand had come when the newest frame was asked for; None: one was there, as it did not go."""
         self._strayed: dict[str, tuple[float, float]] = {}
         """Where pieces were that did not stand where they should, by name, since the board was last right [m]."""
 
@@ -119,50 +113,9 @@ class GameObserver:
         return recognise(frames, find_view(frames[0], None, self._table, self._believed(frames[0].intrinsics)), held)
 
     @property
-    def last(self) -> Frame:
-        """The newest frame."""
-        assert self._last is not None, "nothing was looked at"
-        return self._last
-
-    @property
-    def deep(self) -> bool:
-        """Whether the newest frame has depth."""
-        return self.last.depth is not None
-
-    @property
-    def looked_at(self) -> float:
-        """When the newest frame was exposed [s]; long ago, if nothing was looked at."""
-        return -math.inf if self._last is None else self._last.stamp
-
-    @property
     def _known(self) -> Observer:
         assert self._observer is not None, "begin first"
         return self._observer
-
-    def frame(self) -> Frame:
-        """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board; if
-        one does not go for long, with it: see ``seen``.
-
-        Raises:
-            HardwareError: the camera gives none.
-        """
-        if self._guard is not None:
-            self._arrivals = self._guard.arrivals if self._guard.wait_for_sight() else None
-        self._arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
-        since = self._clock.now()
-        while True:
-            frame = self._camera.read(FRAME_AGE)
-            if frame.stamp >= since:
-                self._last = frame
-                return frame
-            if self._clock.now() > since + PATIENCE:
-                raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: check its cable")
-            self._clock.sleep(0.01)
-
-    @property
-    def seen(self) -> Clearance | None:
-        """Up to which hand the newest frame shows the board; None: nothing was looked at."""
-        return None if self._last is None else Clearance(self._arrivals)
 
     def verify(self, stands: Inventory, righted: Set[str] = frozenset()) -> BoardObservation:
         """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
@@ -264,8 +217,18 @@ class GameObserver:
 
     def _sightings(self, stands: Inventory) -> Sightings:
         """What stands and lies in the newest frame, which has depth."""
-        expected = {piece.place: piece for piece in stands if not piece.place.in_box}
-        return sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
+        asked = self.last, self.view, stands
+        if self._sighted is None or any(one is not other for one, other in zip(asked, self._sighted[0], strict=True)):
+            expected = {piece.place: piece for piece in stands if not piece.place.in_box}
+            self._sighted = asked, sightings_of(*asked[:2], expected, around_board(self.view, trays=True))
+        return self._sighted[1]
+
+    def has_fallen_in(self, place: Place) -> bool:
+        """Whether something has come into the box of a place since the position was last known, as far as is seen."""
+        known, now = self._shows_known, KnownPicture(self.last, self.view)
+        if known is None or known.view is not self.view or not self.deep:
+            return False
+        return holds_more(known, now, self._table.box_of(place))
 
     def faults(self, stands: Inventory, *, beyond: float, exchanges: bool = True) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
@@ -300,14 +263,19 @@ class GameObserver:
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
-    def misplaced(self, stands: Inventory, besides: Collection[PieceSpec] = ()) -> list[MisplacedPiece]:
-        """Pieces in the newest frame that lie or stand elsewhere than they should; also of some that nobody sees."""
+    def misplaced(
+        self, stands: Inventory, besides: Collection[PieceSpec] = (), seen: Whereabouts | None = None
+    ) -> list[MisplacedPiece]:
+        """Pieces in the newest frame that lie or stand elsewhere than they should; also of some that nobody sees.
+
+        ``seen``: what stands where, if that is known already.
+        """
         # of several alike, what is found is rather the one that is missing on the board
         rows = sorted(stands, key=lambda piece: not piece.place.on_board)
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        seen = self.whereabouts(stands)
+        seen = seen or self.whereabouts(stands)
         standing = {} if seen is None else {stands.find(name).place: at for name, at in seen.standing.items()}
         misplaced = find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before,
                                    standing=standing, besides=besides)  # fmt: skip

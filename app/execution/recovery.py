@@ -181,7 +181,7 @@ class Recovery:
         # a second's search: once a look, and only where it is needed
         foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
         out = boxed(stands) if foreign and self.observer.deep else []
-        misplaced = cache(lambda: self.observer.misplaced(stands, out))
+        misplaced = cache(lambda: self.observer.misplaced(stands, out, seen))
         sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
         # what lies against something else may be no thing of its own to depth
         if sighted is not None and not (isinstance(sighted, Ask) and any(one.lies for one in misplaced())):
@@ -232,7 +232,9 @@ class Recovery:
         if seen.lying or not (seen.moved or seen.missing or seen.nudged):
             return None
         self._straightened |= seen.nudged
-        return repair_by_sight(stands, wanted, seen, found.places, self._boxed)
+        fell = (wanted.find(name) for name in self._lost)
+        boxed = {one.name for one in fell if one.place.in_box and self.observer.has_fallen_in(one.place)}
+        return repair_by_sight(stands, wanted, seen, found.places, self._boxed | boxed)
 
     def _places(
         self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]

@@ -155,7 +155,8 @@ def _lit(
     light = cv2.cvtColor(frame.colour[part.rows, part.columns], cv2.COLOR_RGB2LAB)[..., 0]
     lit = []
     for one, mine in zip(found, clusters, strict=True):
-        along = light.flat[np.intersect1d(_axis_pixels(one, view, part), mine)]
+        axis = _axis_pixels(one, view, part)
+        along = light.ravel()[axis[np.isin(axis, mine)]]
         lightness = float(np.median(along)) if along.size >= _LEAST_ALONG else math.nan
         away = float(view.depth([(one.x, one.y, 0.5 * one.height)])[0])
         lit.append(replace(one, lightness=lightness, blur=max(1.0, (away / _NEAR) ** 2)))
@@ -167,10 +168,10 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
     axis = [(one.x, one.y, share * one.height) for share in _ALONG]
     middle = np.rint(view.project(axis)).astype(int) - (part.columns.start, part.rows.start)
     beside = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
-    at = np.unique((middle[:, None] + beside).reshape(-1, 2), axis=0)
+    u, v = (middle[:, None] + beside).reshape(-1, 2).T
     h, w = part.ground.shape
-    within = (at >= 0).all(axis=1) & (at < (w, h)).all(axis=1)
-    return np.asarray(at[within, 1] * w + at[within, 0])
+    within = (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    return np.unique(v[within] * w + u[within])
 
 
 def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
@@ -183,17 +184,16 @@ def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> lis
         middle, wide = (box.x, box.y), np.array((box.half_x, box.half_y)) + box.wall + _WALL
         within &= (np.abs(points[..., :2] - middle) > wide).any(axis=-1)
     up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
-    label = np.zeros(up.shape, dtype=np.int32)
     at = np.floor((points[up][:, :2] + half) / _CELL).astype(np.intp)
     size = (np.ceil(2.0 * half / _CELL) + 1).astype(int)
     occupied = np.zeros((size[0], size[1]), dtype=np.uint8)
     occupied[at[:, 0], at[:, 1]] = 1
     closed = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((2, 2), np.uint8))
     _, numbers = cv2.connectedComponents(closed, connectivity=4)
-    label[up] = numbers[at[:, 0], at[:, 1]]
-    order: Whole = np.argsort(label, axis=None, kind="stable").astype(np.int32)
-    found, starts = np.unique(label.ravel()[order], return_index=True)
-    each = np.split(order, starts[1:])
+    label = numbers[at[:, 0], at[:, 1]]
+    order = np.argsort(label, kind="stable")
+    found, starts = np.unique(label[order], return_index=True)
+    each = np.split(np.flatnonzero(up).astype(np.int32)[order], starts[1:])
     return [mine for number, mine in zip(found.tolist(), each, strict=True) if number and mine.size >= _LEAST_POINTS]
 
 

@@ -211,8 +211,8 @@ def repair_by_sight(
         wanted: what shall.
         found: what does.
         off: where pieces stand that are on their squares, but off the centres, by square, board frame [m].
-        lost_over_box: names of pieces that the arm has lost over the boxes that they were for; if they are nowhere in
-            sight, they have fallen in.
+        lost_over_box: names of pieces that the arm has lost over the boxes that they were for, or after which more was
+            in those; if they are nowhere in sight, they have fallen in.
     """
     believed = placed(stands, found)
     if believed is None:

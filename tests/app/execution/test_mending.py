@@ -185,7 +185,7 @@ class Paper:
     def whereabouts(self, stands: Inventory) -> None:
         """As without depth."""
 
-    def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = ()) -> list[MisplacedPiece]:
+    def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = (), seen: Any = None) -> list[MisplacedPiece]:
         if self.blind:
             self.blind -= 1
             return []
