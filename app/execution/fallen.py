@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
+import chess
 import numpy as np
 
 from app.execution.repair import Ask, Repair, Whereabouts
@@ -117,6 +118,15 @@ def leaning(
     if isinstance(otherwise, Repair) or not spots:
         return otherwise
     return Leaning(spots, fallen, tuple(misplaced()), otherwise)
+
+
+def whereabout(one: MisplacedPiece, table: TableSettings) -> str:
+    """Where a piece is, for people."""
+    half = 4.0 * table.square
+    if max(abs(one.pose.x), abs(one.pose.y)) > half:
+        return "beside the board"
+    file, rank = (int((c + half) / table.square) for c in (one.pose.x, one.pose.y))
+    return f"on {square_place(chess.square(min(file, 7), min(rank, 7)))}"
 
 
 def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:

@@ -7,7 +7,7 @@ looks again. Every round is in the record before the arm moves, so that a progra
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Final
@@ -18,22 +18,22 @@ import numpy as np
 from app import UserError
 from app.execution.carrier import Carrier
 from app.execution.clearing import Clearing
-from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, leaning, unaided, with_missing
+from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, leaning, unaided, whereabout, with_missing
 from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
 from app.execution.repair import Ask, BoardObservation, Repair, Whereabouts, mend, repair_by_sight
 from app.execution.repair.by_sight import boxed
-from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
+from app.execution.repair.diagnosis import SEEN_WITHIN, missing_ask, repair_towards
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import PlanRefused
 from app.pieces.inventory import Inventory
 from app.pieces.order import rearrange
 from app.records import GameRecord
-from app.records.events import Purpose
+from app.records.events import Purpose, RepairedBy
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
-from hardware.table import TableSettings, square_place
+from hardware.table import PieceSpec, Place, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.outcome import LOOKS
@@ -63,15 +63,9 @@ class Recovery:
     """
 
     def __init__(
-        self,
-        observer: GameObserver,
-        carrier: Carrier,
-        asker: Asker,
-        record: GameRecord,
-        ui: UserInterface,
-        clock: Clock,
-        mending: Callable[[bool], None] = lambda _: None,
-    ) -> None:
+        self, observer: GameObserver, carrier: Carrier, asker: Asker, record: GameRecord, ui: UserInterface,
+        clock: Clock, mending: Callable[[bool], None] = lambda _: None,
+    ) -> None:  # fmt: skip
         self.observer = observer
         self._carrier, self._asker = carrier, asker
         self._record, self._ui, self._clock, self._mending = record, ui, clock, mending
@@ -177,7 +171,8 @@ class Recovery:
             found = self.observer.verify(stands, self._stood_up)
         # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
         handled = self._stood_up | self._clearing.pushed.keys()
-        seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None
+        doubted = found.faults or handled or self._lost or board is not None
+        seen = self.observer.whereabouts(stands) if doubted else None
         # a second's search: once a look, and only where it is needed
         foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
         out = boxed(stands) if foreign and self.observer.deep else []
@@ -193,7 +188,7 @@ class Recovery:
         self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:
             rest = rearrange(stands, wanted)
-            return (), alone or (Repair(stands, rest, "the arm continues") if rest else None)
+            return (), alone or (Repair(stands, rest, "the arm continues") if rest else self._nowhere(stands))
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             if not self.observer.deep:  # what looks fallen to colours alone may well stand
@@ -228,13 +223,31 @@ class Recovery:
         What was nudged in a tray is put right once: how exactly it stands at a picture's edge, nobody can tell.
         """
         self._loose = ()
-        seen = replace(seen, nudged=seen.nudged - self._straightened)
+        boxed = self._in_their_boxes(seen, stands, wanted, found.faults)
+        missing = tuple(dict.fromkeys((*seen.missing, *boxed)))
+        seen = replace(seen, nudged=seen.nudged - self._straightened, missing=missing)
         if seen.lying or not (seen.moved or seen.missing or seen.nudged):
             return None
         self._straightened |= seen.nudged
-        fell = (wanted.find(name) for name in self._lost)
-        boxed = {one.name for one in fell if one.place.in_box and self.observer.has_fallen_in(one.place)}
-        return repair_by_sight(stands, wanted, seen, found.places, self._boxed | boxed)
+        return repair_by_sight(stands, wanted, seen, found.places, {piece.name for piece in boxed})
+
+    def _in_their_boxes(
+        self, seen: Whereabouts, stands: Inventory, wanted: Inventory, faults: Iterable[Fault]
+    ) -> list[PieceSpec]:
+        """Of pieces lost on their way to boxes, those in them: lost over them, or they hold more than before."""
+        empty = {square_place(fault.square) for fault in faults if fault.kind is FaultKind.MISSING}
+        lost = [stands.find(name) for name in sorted(self._lost - seen.standing.keys())]
+        gone = [one for one in lost if one.place in empty or one in seen.missing]
+        return [one for one in gone if self._is_in(wanted.find(one.name).place, one.name)]
+
+    def _nowhere(self, stands: Inventory) -> Ask | None:
+        """What the arm has lost on the way to a box may lie hidden by it, while all else is right."""
+        lost = [stands.find(name) for name in sorted(self._lost)]
+        gone = [one for one in lost if one.place.in_box and not self._is_in(one.place, one.name)]
+        return missing_ask(gone) if gone else None
+
+    def _is_in(self, box: Place, name: str) -> bool:
+        return box.in_box and (name in self._boxed or self.observer.has_fallen_in(box))
 
     def _places(
         self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]
@@ -290,7 +303,7 @@ class Recovery:
             return stands, 0.0, None
         (name, why), table = refusals[0], stands.table
         one = next(one for one in step.misplaced if one.piece.name == name)
-        lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {_where(one, table)}"
+        lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {whereabout(one, table)}"
         back = "put it back into its box" if one.target.in_box else f"stand it on {one.target}"
         return stands, 0.0, cleared or Ask(f"{lies}, and {why}: {back}", squares_of(faults))
 
@@ -314,8 +327,7 @@ class Recovery:
         before it could be, or, by a person, afterwards.
         """
         label, now = "put the board right", self._clock.now()
-        for fault in faults:
-            self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
+        self._note(faults, "arm", now)
         self._ui.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
         self._record.found(step.believed, _sentence(faults) or "not everything is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
@@ -332,6 +344,7 @@ class Recovery:
             if not self._carrier.untouched:
                 raise
             return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
+        self._lost.difference_update(transfer.name for transfer in step.transfers)
         # what a person would be asked for may be in sight now
         rest = None if isinstance(step.rest, Ask) else step.rest
         return step.believed.after_all(step.transfers), carried.done.duration, rest
@@ -357,11 +370,14 @@ class Recovery:
         told = self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
         self.observer.tell(told)
+        self._lost.clear()
         self._tried.clear()
         self._swung.clear()
+        self._note(faults, "person", self._clock.now())
+
+    def _note(self, faults: Iterable[Fault], by: RepairedBy, now: float) -> None:
         for fault in faults:
-            place = (str(square_place(fault.square)),)
-            self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+            self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, by, now)
 
 
 def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
@@ -371,15 +387,6 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
             "then continue with 'touchmove resume'"
         )
     return rounds + 1
-
-
-def _where(one: MisplacedPiece, table: TableSettings) -> str:
-    """Where a piece is, for people."""
-    half = 4.0 * table.square
-    if max(abs(one.pose.x), abs(one.pose.y)) > half:
-        return "beside the board"
-    file, rank = (int((c + half) / table.square) for c in (one.pose.x, one.pose.y))
-    return f"on {square_place(chess.square(min(file, 7), min(rank, 7)))}"
 
 
 def squares_of(faults: Sequence[Fault]) -> tuple[int, ...]:

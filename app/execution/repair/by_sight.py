@@ -202,7 +202,7 @@ def _beyond_doubt(
 
 def repair_by_sight(
     stands: Inventory, wanted: Inventory, found: Whereabouts, off: Mapping[int, Point],
-    lost_over_box: Set[str] = frozenset(),
+    fallen_in: Set[str] = frozenset(),
 ) -> Repair | Ask | None:  # fmt: skip
     """What the arm does so that all stands as wanted; None: it cannot be said on which places pieces stand.
 
@@ -211,14 +211,13 @@ def repair_by_sight(
         wanted: what shall.
         found: what does.
         off: where pieces stand that are on their squares, but off the centres, by square, board frame [m].
-        lost_over_box: names of pieces that the arm has lost over the boxes that they were for, or after which more was
-            in those; if they are nowhere in sight, they have fallen in.
+        fallen_in: names of pieces that have fallen into the boxes that they were for, if they are nowhere in sight.
     """
     believed = placed(stands, found)
     if believed is None:
         return None
     gone = [wanted.find(piece.name) for piece in found.missing]
-    fell_in = [piece for piece in gone if piece.place.in_box and piece.name in lost_over_box]
+    fell_in = [piece for piece in gone if piece.place.in_box and piece.name in fallen_in]
     believed = Inventory.of((*believed, *fell_in), stands.table)
     gone = [piece for piece in gone if piece not in fell_in]
     there = {piece.name for piece in believed}

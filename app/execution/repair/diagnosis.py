@@ -242,7 +242,8 @@ def _extra(squares: Sequence[int], colour: Colour) -> Ask:
 
 def missing_ask(gone: Sequence[PieceSpec]) -> Ask:
     """A person has to bring these back; their places say where to."""
-    puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=lambda piece: piece.place)])
+    places = [(piece, f"into its box ({piece.place})" if piece.place.in_box else f"on {piece.place}") for piece in gone]
+    puts = _list([f"the {_name(piece)} {place}" for piece, place in sorted(places, key=lambda one: one[0].place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
     squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
     return Ask(f"{what} missing: put {puts}", tuple(squares))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import random
+import sys
 from collections.abc import Sequence, Set
 from contextlib import nullcontext
 from pathlib import Path
@@ -22,7 +23,7 @@ from app.execution.carrier import Carried
 from app.execution.fallen import MOST_TRIES, SWUNG_AFTER
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
-from app.execution.repair import BoardObservation
+from app.execution.repair import BoardObservation, Whereabouts
 from app.execution.state import AwaitedReply, Devices, Job, Position, Told
 from app.execution.table import Table
 from app.game.person import NeedsHand, UnattendedAsker
@@ -39,7 +40,7 @@ from app.rig.arm import Outcome
 from app.rig.board import BoardRig
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
-from hardware.table import PieceSpec, Place, TableSettings, square_place
+from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
@@ -60,6 +61,8 @@ class Paper:
         self.falls: dict[int, Place] = {}
         """The same, of pieces that lie near such a square."""
         self.lying: dict[str, tuple[PieceSpec, Place]] = {}
+        self.hidden = self.in_box = False
+        """Something hides the square of what is gone; something is in the box that was not."""
         self.blind = 0
         """In so many looks nothing is found that lies or stands elsewhere."""
         self.in_the_way: str | None = None
@@ -182,8 +185,16 @@ class Paper:
 
     # eyes
 
-    def whereabouts(self, stands: Inventory) -> None:
-        """As without depth."""
+    def whereabouts(self, stands: Inventory) -> Whereabouts | None:
+        """As without depth; with boxes, what lies in none."""
+        if not TABLE.boxes():
+            return None
+        standing = {piece.name: TABLE.xy(piece.place) for piece in self.truth if not piece.place.in_box}
+        gone = (piece for piece in stands if piece.place.on_board and piece.name not in standing)
+        return Whereabouts(standing, frozenset(), tuple(piece for piece in gone if not self.hidden))
+
+    def has_fallen_in(self, place: Place) -> bool:
+        return self.in_box
 
     def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = (), seen: Any = None) -> list[MisplacedPiece]:
         if self.blind:
@@ -473,6 +484,21 @@ def test_nobody_is_asked_before_several_looks_agree(tmp_path: Path, blind: int) 
 def _first_tray(table: Table, move: chess.Move) -> Place:
     """Where the piece goes that a move captures."""
     return transfers(table.board, move, table.inventory).transfers[0].target
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("in_box", [False, True])
+def test_what_was_lost_before_it_was_over_its_box_may_be_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_box: bool, hidden: bool
+) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=Captured.BOX))
+    table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    capture = chess.Move.from_uci("e4d5")
+    goal = _first_tray(table, capture)
+    paper.losses[0], paper.in_box, paper.hidden = goal if in_box else None, in_box, hidden
+    with record, nullcontext() if in_box else pytest.raises(NeedsHand, match="put the black pawn"):
+        table.arm_ply(capture)
+        assert same(paper.truth, table.inventory)
 
 
 def test_a_piece_is_asked_for_only_after_all_else_is_right(tmp_path: Path) -> None:
