@@ -68,6 +68,8 @@ class GameObserver(FreshFrames):
         self._observer: Observer | None = None
         self._shows_known: KnownPicture | None = None
         """A picture of the known position, if there is one."""
+        self._boxes_known: KnownPicture | None = None
+        """The newest picture of a known position, also while an answer may have been played."""
         self._likeness: dict[int, tuple[str, float, tuple[float, float]]] = {}
         """Of pieces when the board was last as it should be, by square: name, how well it looked like itself, and
         where its centre was [m]."""
@@ -96,7 +98,7 @@ class GameObserver(FreshFrames):
         frame = self.frame()
         self._hold(frame, find_view(frame, board, self._table, self._believed(frame.intrinsics)))
         self._observer = Observer(board, sight_of_frame(frame, self.view))
-        self._shows_known = KnownPicture(frame, self.view)
+        self._shows_known = self._boxes_known = KnownPicture(frame, self.view)
 
     def recognise(self, held: Mapping[Look, int]) -> RecognisedSet:
         """What stands on the table, of which nothing is known, in new frames; ``held`` says how many there are of each.
@@ -225,8 +227,8 @@ class GameObserver(FreshFrames):
 
     def has_fallen_in(self, place: Place) -> bool:
         """Whether something has come into the box of a place since the position was last known, as far as is seen."""
-        known, now = self._shows_known, KnownPicture(self.last, self.view)
-        if known is None or known.view is not self.view or not self.deep:
+        known, now = self._boxes_known, KnownPicture(self.last, self.view)
+        if known is None or known.view is not self.view or known.frame.depth is None or not self.deep or self._assumed:
             return False
         return holds_more(known, now, self._table.box_of(place))
 
@@ -347,7 +349,7 @@ class GameObserver(FreshFrames):
             self._publish(ReadingOutcome.NOTHING, "the board is as the game says", (), look)
         self._known.confirm(look, board)
         self._assumed = False
-        self._shows_known = KnownPicture(self.last, self.view)
+        self._shows_known = self._boxes_known = KnownPicture(self.last, self.view)
 
     def _follow(self, frame: Frame) -> None:
         check = self._anchor.follow(frame.colour)

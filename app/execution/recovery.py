@@ -25,6 +25,7 @@ from app.execution.recovery_plans import in_order
 from app.execution.repair import Ask, BoardObservation, Repair, Whereabouts, mend, repair_by_sight
 from app.execution.repair.by_sight import boxed
 from app.execution.repair.diagnosis import SEEN_WITHIN, missing_ask, repair_towards
+from app.execution.repair.lost_pieces import LostPieces
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import PlanRefused
 from app.pieces.inventory import Inventory
@@ -33,7 +34,7 @@ from app.records import GameRecord
 from app.records.events import Purpose, RepairedBy
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
-from hardware.table import PieceSpec, Place, square_place
+from hardware.table import square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.outcome import LOOKS
@@ -82,8 +83,7 @@ class Recovery:
         self._clearing = Clearing(observer, carrier, record, ui, clock)
         self._loose: tuple[MisplacedPiece, ...] = ()
         """What the arm has to keep clear of in what it does next."""
-        self._lost, self._boxed = set[str](), set[str]()
-        """Pieces that the arm has lost, or not got, since the board was last right; and those lost over their boxes."""
+        self._lost = LostPieces()
 
     @property
     def stale(self) -> bool:
@@ -92,8 +92,7 @@ class Recovery:
 
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
-        self._lost.add(failure.transfer.name)
-        (self._boxed.add if failure.over_box else self._boxed.discard)(failure.transfer.name)
+        self._lost.note(failure)
         self.observer.note_not_there(failure.transfer.name)
         self._ui.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
@@ -130,15 +129,14 @@ class Recovery:
     ) -> RecoveryResult:
         rounds, duration = 0, 0.0
         while True:
-            for _ in range(LOOKS):
+            for _ in range(LOOKS):  # one may miss what the arm can put right
                 faults, step = self._decide(stands, wanted, board)
+                if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
+                    return RecoveryResult(stands, rounds, duration, answered=True)
                 if not isinstance(step, Ask):
                     break
-            if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
-                return RecoveryResult(stands, rounds, duration, answered=True)
             if step is None:
-                self._lost.clear()
-                self._boxed.clear()
+                self._lost.all_right(stands)
                 return RecoveryResult(stands, rounds, duration)
             self._mending(True)
             if isinstance(step, Fallen):
@@ -169,10 +167,11 @@ class Recovery:
         found = self.observer.verify(stands, self._stood_up)
         if found.faults:  # one frame may be wrong
             found = self.observer.verify(stands, self._stood_up)
+        self._lost.look_into_boxes(wanted, self.observer.has_fallen_in)
         # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
         handled = self._stood_up | self._clearing.pushed.keys()
-        doubted = found.faults or handled or self._lost or board is not None
-        seen = self.observer.whereabouts(stands) if doubted else None
+        look_closer = bool(found.faults or handled or self._lost.names) or board is not None
+        seen = self.observer.whereabouts(stands) if look_closer else None
         # a second's search: once a look, and only where it is needed
         foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
         out = boxed(stands) if foreign and self.observer.deep else []
@@ -182,13 +181,14 @@ class Recovery:
         if sighted is not None and not (isinstance(sighted, Ask) and any(one.lies for one in misplaced())):
             return found.faults, sighted
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
-        missing |= {place for name in self._lost | handled if (place := stands.find(name).place).in_tray}
+        missing |= {place for name in self._lost.names | handled if (place := stands.find(name).place).in_tray}
         missing |= {piece.place for piece in out} | (set() if seen is None else seen.fallen_beside(stands))
         alone = unaided(missing, stands, wanted, misplaced, handled, people=board is not None)
         self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:
-            rest = rearrange(stands, wanted)
-            return (), alone or (Repair(stands, rest, "the arm continues") if rest else self._nowhere(stands))
+            rest, gone = rearrange(stands, wanted), self._lost.astray(stands)
+            last = missing_ask(gone) if gone else None
+            return (), alone or (Repair(stands, rest, "the arm continues") if rest else last)
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             if not self.observer.deep:  # what looks fallen to colours alone may well stand
@@ -223,31 +223,13 @@ class Recovery:
         What was nudged in a tray is put right once: how exactly it stands at a picture's edge, nobody can tell.
         """
         self._loose = ()
-        boxed = self._in_their_boxes(seen, stands, wanted, found.faults)
+        boxed = self._lost.in_boxes(seen, stands, wanted, found.faults)
         missing = tuple(dict.fromkeys((*seen.missing, *boxed)))
         seen = replace(seen, nudged=seen.nudged - self._straightened, missing=missing)
         if seen.lying or not (seen.moved or seen.missing or seen.nudged):
             return None
         self._straightened |= seen.nudged
         return repair_by_sight(stands, wanted, seen, found.places, {piece.name for piece in boxed})
-
-    def _in_their_boxes(
-        self, seen: Whereabouts, stands: Inventory, wanted: Inventory, faults: Iterable[Fault]
-    ) -> list[PieceSpec]:
-        """Of pieces lost on their way to boxes, those in them: lost over them, or they hold more than before."""
-        empty = {square_place(fault.square) for fault in faults if fault.kind is FaultKind.MISSING}
-        lost = [stands.find(name) for name in sorted(self._lost - seen.standing.keys())]
-        gone = [one for one in lost if one.place in empty or one in seen.missing]
-        return [one for one in gone if self._is_in(wanted.find(one.name).place, one.name)]
-
-    def _nowhere(self, stands: Inventory) -> Ask | None:
-        """What the arm has lost on the way to a box may lie hidden by it, while all else is right."""
-        lost = [stands.find(name) for name in sorted(self._lost)]
-        gone = [one for one in lost if one.place.in_box and not self._is_in(one.place, one.name)]
-        return missing_ask(gone) if gone else None
-
-    def _is_in(self, box: Place, name: str) -> bool:
-        return box.in_box and (name in self._boxed or self.observer.has_fallen_in(box))
 
     def _places(
         self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]
@@ -338,13 +320,14 @@ class Recovery:
         except BoardTouched:
             return step.believed, 0.0, None
         except CarryFailed as failure:
+            self._lost.forget(transfer.name for transfer in step.transfers[: failure.done])
             self.note_loss(failure)
             return failure.inventory, 0.0, None
         except UserError as error:
             if not self._carrier.untouched:
                 raise
             return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
-        self._lost.difference_update(transfer.name for transfer in step.transfers)
+        self._lost.forget(transfer.name for transfer in step.transfers)
         # what a person would be asked for may be in sight now
         rest = None if isinstance(step.rest, Ask) else step.rest
         return step.believed.after_all(step.transfers), carried.done.duration, rest
@@ -358,8 +341,10 @@ class Recovery:
         return None if cleared is True else cleared or Ask(str(refused), squares_of(faults))
 
     def _ask(self, step: Ask, faults: Sequence[Fault], stands: Inventory) -> None:
+        astray = [piece for piece in self._lost.astray(stands) if piece.name not in step.names]
+        besides = f"; and {missing_ask(astray).sentence}" if astray else ""
         squares = tuple(str(square_place(square)) for square in step.squares)
-        sentence, seen = step.sentence, _sentence(faults)
+        sentence, seen = step.sentence + besides, _sentence(faults)
         if self._asked >= FRUITLESS and seen:
             sentence = (
                 f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'keep', "
@@ -370,7 +355,7 @@ class Recovery:
         told = self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
         self.observer.tell(told)
-        self._lost.clear()
+        self._lost.forget((*step.names, *(piece.name for piece in astray)))
         self._tried.clear()
         self._swung.clear()
         self._note(faults, "person", self._clock.now())

@@ -35,6 +35,7 @@ heads beyond the edge, and what is high looks further off than it is [m]."""
 _SIGHTED: Final = 0.0015  # error of where a piece stands that was only sighted, as a standard deviation [m]
 PUT_BY: Final = 0.012
 """What stands no further than this from its place on a tray is what was put there [m]: places are 30 mm apart."""
+_MANY: Final = 8  # so many pieces off the middles of their squares were set up sloppily
 _SAME: Final = 0.008  # a piece that stands was found twice when both places are no further apart [m]
 
 
@@ -88,6 +89,8 @@ def find_misplaced(
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
     # a dozen reserves that are hardly told from the table by colour would each be sought at each other's places
     put_by = [] if points is None else _put_by(search, left, view.table, doubted)
+    if points is not None:
+        put_by += _off_centre(search, left, centres, off, doubted)
     left = [(place, piece) for place, piece in left if all(one.target != place for one in put_by)]
     left += [(piece.place, piece) for piece in besides]
     known = [*astray, *put_by]
@@ -119,6 +122,26 @@ def _put_by(
     asked = [(place, piece) for place, piece in missing if place.in_tray and place not in doubted]
     about = [search.standing_about(piece, place, table.xy(place)) for place, piece in asked]
     return [one for one in about if one is not None and _off(one, table) <= PUT_BY]
+
+
+def _off_centre(
+    search: PoseSearch, missing: Sequence[tuple[Place, PieceSpec]], centres: Mapping[Place, Centre],
+    off: Mapping[Place, float], doubted: Collection[Place],
+) -> list[MisplacedPiece]:  # fmt: skip
+    """Of a sloppily set-up board the pieces that depth shows to stand where their outlines were found, off the middles
+    of their squares; of a few the search says for sure which is which, of many it would take a minute.
+    """
+    asked = [
+        (place, piece) for place, piece in missing
+        if place.on_board and place not in doubted and centres[place].upright and off[place] <= PUT_BY
+    ]  # fmt: skip
+    if len(asked) < _MANY:
+        return []
+    at = {place: (centres[place].x, centres[place].y) for place, _ in asked}
+    about = [search.standing_about(piece, place, at[place]) for place, piece in asked]
+    return [
+        one for one in about if one is not None and math.dist((one.pose.x, one.pose.y), at[one.target]) <= TOLERANCE
+    ]
 
 
 def _off(one: MisplacedPiece, table: TableSettings) -> float:

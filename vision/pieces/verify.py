@@ -24,8 +24,8 @@ from vision.pieces.surface import surface
 TOLERANCE: Final = 0.005  # of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]
 RISES: Final = 0.008  # what rises so far above the board, and is no piece that was found, lies there [m]
 _CEILING: Final = max(shape.height for shape in PIECE_SHAPES.values()) + 0.02
-"""What is higher lies nowhere, but is the arm, whose fingers hang 0.1 m or more over the first ranks where it rests over
-a large board [m]."""
+"""What is higher lies nowhere, but is the arm, whose fingers at home hang 0.1 m or more over the first ranks of large
+boards [m]."""
 _AROUND: Final = 9  # depth pictures are fat at edges: so wide is left out around pieces that were found [px]
 _LEAST_AREA: Final = 40  # smaller spots are noise [px]
 _SURE: Final = 1.2  # colour evidence, on average over a spot, by which something lies there where there is no depth

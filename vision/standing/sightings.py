@@ -184,6 +184,8 @@ def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> lis
         middle, wide = (box.x, box.y), np.array((box.half_x, box.half_y)) + box.wall + _WALL
         within &= (np.abs(points[..., :2] - middle) > wide).any(axis=-1)
     up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
+    if not up.any():
+        return []
     at = np.floor((points[up][:, :2] + half) / _CELL).astype(np.intp)
     size = (np.ceil(2.0 * half / _CELL) + 1).astype(int)
     occupied = np.zeros((size[0], size[1]), dtype=np.uint8)

@@ -28,10 +28,12 @@ class Ask:
     Attributes:
         sentence: for that person.
         squares: that it is about, 0 = a1 … 63 = h8.
+        names: of pieces that are to be brought back.
     """
 
     sentence: str
     squares: tuple[int, ...]
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +248,7 @@ def missing_ask(gone: Sequence[PieceSpec]) -> Ask:
     puts = _list([f"the {_name(piece)} {place}" for piece, place in sorted(places, key=lambda one: one[0].place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
     squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
-    return Ask(f"{what} missing: put {puts}", tuple(squares))
+    return Ask(f"{what} missing: put {puts}", tuple(squares), tuple(piece.name for piece in gone))
 
 
 def what_is_done(believed: Inventory, target: Inventory, transfers: Sequence[Transfer]) -> str:

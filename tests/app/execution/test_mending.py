@@ -495,10 +495,24 @@ def test_what_was_lost_before_it_was_over_its_box_may_be_in_it(
     table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
     capture = chess.Move.from_uci("e4d5")
     goal = _first_tray(table, capture)
-    paper.losses[0], paper.in_box, paper.hidden = goal if in_box else None, in_box, hidden
-    with record, nullcontext() if in_box else pytest.raises(NeedsHand, match="put the black pawn"):
+    paper.losses[0], paper.in_box = goal if in_box else None, in_box
+    where = "black pawn on d5" if hidden else "black pawn into its box"
+    with record, nullcontext() if in_box else pytest.raises(NeedsHand, match=where):
+        assert table.repair(), "what was right before is known"
+        paper.hidden = hidden
         table.arm_ply(capture)
         assert same(paper.truth, table.inventory)
+
+
+def test_what_was_lost_beside_its_box_is_asked_for_whatever_else_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=Captured.BOX))
+    table, paper, record = table_of(tmp_path / "game", "r3k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    paper.losses[0] = None
+    paper.put("black-rook-a", None)
+    with record, pytest.raises(NeedsHand, match=r"black rook on a8; and .* black pawn into its box"):
+        table.arm_ply(chess.Move.from_uci("e4d5"))
 
 
 def test_a_piece_is_asked_for_only_after_all_else_is_right(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import chess
 import numpy as np
@@ -17,7 +18,7 @@ from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardView
 from vision.pieces.misplaced import around_board
-from vision.standing.sightings import sightings_of
+from vision.standing.sightings import rough_sightings, sightings_of
 
 TABLE = TableSettings()
 PIECES = start_layout(chess.Board(), TABLE)
@@ -61,3 +62,13 @@ def test_every_piece_is_seen_once_where_it_stands(studio, seed):
             assert abs(near[0].height - PIECE_SHAPES[piece.kind].height) < 0.005
             assert (near[0].white > 0.0) is (piece.colour is Colour.WHITE)
     assert not left
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_nothing_stands_on_an_empty_table_nor_where_there_is_no_depth(studio, blind):
+    scene = Scene(studio, TABLE, 5)
+    frame = scene.photograph({})
+    if blind:
+        frame = replace(frame, depth=np.zeros_like(frame.depth))
+    view = BoardView(frame.intrinsics, studio.camera_from_board(scene.looks.mount), TABLE)
+    assert rough_sightings(frame, view, around_board(view, trays=True)) == []

@@ -1,0 +1,87 @@
+"""Pieces that the arm has lost, until each is carried again or the board is right; and which of them are in boxes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Set
+
+from app.execution.interruption import CarryFailed, Loss
+from app.execution.repair.by_sight import Whereabouts
+from app.pieces.inventory import Inventory
+from hardware.table import PieceSpec, Place, square_place
+from vision.pieces.verify import Fault, FaultKind
+
+
+class LostPieces:
+    """What the arm has lost, or not got."""
+
+    def __init__(self) -> None:
+        self._names = set[str]()
+        self._boxed = set[str]()
+        """Those in the boxes that they were for."""
+        self._astray = dict[str, bool]()
+        """Those lost on their way to boxes, and not known to be in there; and whether the box held no more then than
+        when the board was last right."""
+        self._held: Counter[str] | None = None
+        """So many pieces were in each box when the board was last right; None: it has not been, as far as is known."""
+
+    @property
+    def names(self) -> Set[str]:
+        """Of all."""
+        return self._names
+
+    def note(self, failure: CarryFailed) -> None:
+        """One more."""
+        name, target = failure.transfer.name, failure.transfer.target
+        self.forget({name})
+        self._names.add(name)
+        if failure.over_box:
+            self._boxed.add(name)
+        elif failure.loss is Loss.LOST and target.in_box:
+            held = _held(failure.inventory)[target.zone]
+            self._astray[name] = self._held is not None and held == self._held[target.zone]
+
+    def forget(self, names: Iterable[str]) -> None:
+        """That these were lost: they have been carried since, or somebody has brought them back."""
+        for name in names:
+            self._names.discard(name)
+            self._boxed.discard(name)
+            self._astray.pop(name, None)
+
+    def all_right(self, stands: Inventory) -> None:
+        """Nothing is lost any more; this is what stands where."""
+        self.forget(tuple(self._names))
+        self._held = _held(stands)
+
+    def look_into_boxes(self, wanted: Inventory, has_fallen_in: Callable[[Place], bool]) -> None:
+        """Of those on their way to a box one may be seen to have come into it, where nothing else has been dropped into
+        it or lost over it.
+
+        Args:
+            wanted: what shall stand where.
+            has_fallen_in: whether something has come into the box of a place since the board was last right.
+        """
+        for name, alone in tuple(self._astray.items()):
+            goal = wanted.find(name).place
+            same = [one for one in self._astray if wanted.find(one).place.zone == goal.zone]
+            if alone and goal.in_box and same == [name] and has_fallen_in(goal):
+                self._boxed.add(name)
+                del self._astray[name]
+
+    def in_boxes(
+        self, seen: Whereabouts, stands: Inventory, wanted: Inventory, faults: Iterable[Fault]
+    ) -> list[PieceSpec]:
+        """Of those in their boxes, the ones that are still on the board as far as is believed."""
+        empty = {square_place(fault.square) for fault in faults if fault.kind is FaultKind.MISSING}
+        boxed = [stands.find(name) for name in sorted(self._boxed - seen.standing.keys())]
+        return [
+            one for one in boxed if (one.place in empty or one in seen.missing) and wanted.find(one.name).place.in_box
+        ]
+
+    def astray(self, stands: Inventory) -> list[PieceSpec]:
+        """Those that are believed in boxes, and were not seen to come into them."""
+        return [one for name in sorted(self._astray) if (one := stands.find(name)).place.in_box]
+
+
+def _held(stands: Inventory) -> Counter[str]:
+    return Counter(piece.place.zone for piece in stands if piece.place.in_box)
