@@ -51,5 +51,5 @@ def test_what_comes_into_a_box_is_mostly_seen_and_never_where_nothing_came() -> 
                 found = [holds_more(before, KnownPicture(now, view), box) for box in TABLE.boxes()]
                 seen.append(found[side])
                 invented.append(found[1 - side])
-    assert np.mean(seen) > 0.6
+    assert np.mean(seen) > 0.5
     assert not any(invented)
