@@ -16,8 +16,8 @@ _RISEN: Final = 0.006
 """What is so much higher than all that was around it has come [m]: a pawn that lies is twice as high."""
 _EDGE: Final = 0.004  # so near a wall depth is the wall's [m]
 _LEAST: Final = 40
-"""Smaller spots are noise [px]: where nothing had come there were 30 at most in 504 looks at boxes on boards of 40, 47 and
-55 mm squares; of 336 pieces laid into them at random 67 % made larger ones, the others lay mostly behind a wall."""
+"""Smaller spots are noise [px]: where nothing had come there were 30 at most in 504 looks at boxes on boards of 40, 47
+and 55 mm squares; of 336 pieces laid into them at random 67 % made larger ones, the others lay mostly behind a wall."""
 _UNKNOWN: Final = 1.0  # nothing comes where nothing was seen before [m]
 
 
