@@ -20,8 +20,8 @@ class LostPieces:
         self._boxed = set[str]()
         """Those in the boxes that they were for."""
         self._astray = dict[str, bool]()
-        """Those lost on their way to boxes, and not known to be in there; and whether the box held no more then than
-        when the board was last right."""
+        """Those that were to go into boxes, and are not known to be in there; and whether they were on their way, and
+        nothing had been dropped into the box since the board was last right."""
         self._held: Counter[str] | None = None
         """So many pieces were in each box when the board was last right; None: it has not been, as far as is known."""
 
@@ -37,9 +37,9 @@ class LostPieces:
         self._names.add(name)
         if failure.over_box:
             self._boxed.add(name)
-        elif failure.loss is Loss.LOST and target.in_box:
-            held = _held(failure.inventory)[target.zone]
-            self._astray[name] = self._held is not None and held == self._held[target.zone]
+        elif target.in_box:
+            alone = self._held is not None and _held(failure.inventory)[target.zone] == self._held[target.zone]
+            self._astray[name] = alone and failure.loss is Loss.LOST  # what was not gripped may have been knocked over
 
     def forget(self, names: Iterable[str]) -> None:
         """That these were lost: they have been carried since, or somebody has brought them back."""
@@ -63,7 +63,7 @@ class LostPieces:
         """
         for name, alone in tuple(self._astray.items()):
             goal = wanted.find(name).place
-            same = [one for one in self._astray if wanted.find(one).place.zone == goal.zone]
+            same = [one for one in (*self._boxed, *self._astray) if wanted.find(one).place.zone == goal.zone]
             if alone and goal.in_box and same == [name] and has_fallen_in(goal):
                 self._boxed.add(name)
                 del self._astray[name]
