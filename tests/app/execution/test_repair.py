@@ -352,12 +352,12 @@ def test_what_is_missing_is_asked_for_where_it_is_wanted() -> None:
     wanted = expected.after(transfers(board, board.parse_san("Nc3"), expected))
     gone = Inventory.of((p for p in expected if p.name != "white-knight-b"), TABLE)
     assert repair_towards(gone, wanted, BoardObservation({})) == Ask(
-        "a piece is missing: put the white knight on c3", (chess.C3,)
+        "a piece is missing: put the white knight on c3", (chess.C3,), ("white-knight-b",)
     )
     lost = Inventory.of((p for p in expected if p.name != "white-queen-spare-1"), TABLE)
     place = expected.find("white-queen-spare-1").place
     assert repair_towards(lost, expected, BoardObservation({})) == Ask(
-        f"a piece is missing: put the white queen on {place}", ()
+        f"a piece is missing: put the white queen on {place}", (), ("white-queen-spare-1",)
     )
 
 
@@ -394,7 +394,7 @@ def test_what_is_sure_the_arm_puts_right(observation: BoardObservation, done: li
     assert sorted(f"{homes[t.name]} {t.source} {t.target}" for t in result.transfers) == done
     assert result.sentence == sentence
     if observation.looks.get(chess.D7) is W:
-        assert result.rest == Ask("a piece is missing: put the black pawn on d7", (chess.D7,))
+        assert result.rest == Ask("a piece is missing: put the black pawn on d7", (chess.D7,), ("black-pawn-d",))
         assert "black-pawn-d" not in {piece.name for piece in result.believed}
     else:
         assert result.rest is None
