@@ -36,9 +36,10 @@ def holds_more(before: KnownPicture, now: KnownPicture, box: Box) -> bool:
     was, here = heights(before.frame.depth, part), heights(now.frame.depth, part)
     x, y, z = np.moveaxis(raised(part, here, view), -1, 0)  # NaN where depth is unknown: in no box
     inside = (np.abs(x - box.x) < box.half_x - _EDGE) & (np.abs(y - box.y) < box.half_y - _EDGE) & (z < box.height)
-    around = cv2.dilate(np.nan_to_num(was, nan=_UNKNOWN), np.ones((3, 3), np.uint8))
+    near = np.ones((3, 3), np.uint8)
+    around = cv2.dilate(np.nan_to_num(was, nan=_UNKNOWN), near)
     new = (inside & (here > around + _RISEN)).astype(np.uint8)
-    count, _, stats, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(new, cv2.MORPH_OPEN, np.ones((3, 3))))
+    count, _, stats, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(new, cv2.MORPH_OPEN, near))
     return bool((np.asarray(stats)[1:count, cv2.CC_STAT_AREA] >= _LEAST).any())
 
 

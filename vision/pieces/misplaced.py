@@ -88,9 +88,9 @@ def find_misplaced(
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
     # a dozen reserves that are hardly told from the table by colour would each be sought at each other's places
-    put_by = [] if points is None else _put_by(search, left, view.table, doubted)
-    if points is not None:
-        put_by += _off_centre(search, left, centres, off, doubted)
+    put_by = [] if points is None else [
+        *_put_by(search, left, view.table, doubted), *_off_centre(search, left, centres, off, doubted)
+    ]  # fmt: skip
     left = [(place, piece) for place, piece in left if all(one.target != place for one in put_by)]
     left += [(piece.place, piece) for piece in besides]
     known = [*astray, *put_by]
