@@ -54,6 +54,11 @@ REST: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False
 POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=True)
 FREE: Final = Command((0.0, 0.0, 0.0), 0.0, brake=False, enable=True, busy=True)
 ENDED: Final = DriveStatus.FAULT | DriveStatus.WATCHDOG | DriveStatus.OVERSPEED
+OF_TIME: Final = (
+    DriveTrouble.NO_REPLY, DriveTrouble.NOT_OPERATIONAL, DriveTrouble.FRAMES_LOST, DriveTrouble.TORQUE_NOT_FOLLOWED,
+    DriveTrouble.WATCHDOG_DEAD, DriveTrouble.OUT_OF_STEP,
+)  # fmt: skip
+"""Faults that no law here asks for, and that devices have which do not run when it is their turn."""
 T = TypeVar("T")
 
 
@@ -114,9 +119,10 @@ class Bench:
             if self.kind != "ethercat":
                 raise
             raise HeldUp from error  # slaves that did not run for so long do not pass frames on
-        silent = said.status & DriveStatus.WATCHDOG or fault_of(said.status) == (0, DriveTrouble.NO_REPLY)
+        silent = said.status & DriveStatus.WATCHDOG
+        late = said.status & DriveStatus.FAULT and fault_of(said.status)[1] in OF_TIME
         lost = said.status & DriveStatus.FAULT and self.told and "communication was lost" in self.told[-1]
-        if (silent or lost) and not self.bus.lockstep:
+        if (silent or late or lost) and not self.bus.lockstep:
             raise HeldUp
         return said
 

@@ -146,8 +146,9 @@ def test_a_torque_accelerates_its_joint_its_way(bench: Bench, joint: int, sign: 
         hold[joint] += 2.0 * sign
         before = bench.exchange(POWERED)
         said = bench.run(torques(*hold), 40)[-1]
-        assert sign * (said.velocity[joint] - before.velocity[joint]) > 0.3
-        assert sign * (said.angle[joint] - before.angle[joint]) > 0.003
+        seen = f"{before}, {said}, {bench.told}"
+        assert sign * (said.velocity[joint] - before.velocity[joint]) > 0.3, seen
+        assert sign * (said.angle[joint] - before.angle[joint]) > 0.003, seen
 
     bench.calmly(law)
 
