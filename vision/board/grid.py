@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
@@ -65,6 +64,8 @@ def fit_grid(
     ``places`` (n, 2), at least four, were found at ``points`` (n, 2) [px]; good ones are expected off by a ``scatter``
     [sides of a square]; ``weights`` are along columns and along rows, (n, 2), 1 if None.
     """
+    from scipy.optimize import least_squares  # takes half a second to load, and most games know their board
+
     weight = np.ones(places.shape) if weights is None else weights
     centre = places.mean(axis=0)
     local = places - centre

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 NEIGHBOURS: Final = 16  # how many saddles around one are looked at for the next crossing of a line
 LEAST_TURN: Final = 0.5  # cosine of twice the angle between where the bright sectors are and where they should be
@@ -81,6 +83,8 @@ def grow_lattices(saddles: Saddles, least: int, enough: int, most_seeds: int) ->
     With fewer than ``least`` crossings a lattice is chance; above ``enough`` no other is looked for; ``most_seeds``
     beginnings are tried.
     """
+    from scipy.spatial import cKDTree  # takes half a second to load, and most games know their board
+
     if len(saddles) < max(4, least):
         return []
     tree = cKDTree(saddles.points)

@@ -12,7 +12,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 from hardware.interfaces import Intrinsics
 from vision.arrays import Array, Mask
@@ -68,6 +67,8 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
     Raises:
         CalibrationFailed: too few points, too close together, or no pose explains them.
     """
+    from scipy.optimize import least_squares  # takes half a second to load, and games only check what was found
+
     points, pixels = np.asarray(points, dtype=float), np.asarray(pixels, dtype=float)
     _check_points(points)
     found, turn, shift = cv2.solvePnP(points, pixels, intrinsics.matrix(), None, flags=cv2.SOLVEPNP_SQPNP)

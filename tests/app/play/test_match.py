@@ -253,6 +253,15 @@ def test_what_only_devices_need_is_not_loaded_for_a_prompt() -> None:
     assert loaded.stdout.strip() == "[]"
 
 
+def test_what_only_an_unknown_board_needs_is_not_loaded_for_a_game() -> None:
+    """Parts of SciPy take half a second of each start, and a camera knows its board from the last time."""
+    code = "import sys, app.execution.recovery, app.motion.planner; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    modules = set(loaded.stdout.split())
+    assert {"cv2", "vision.board.find", "app.motion.planner"} <= modules
+    assert not {"scipy.optimize", "scipy.spatial"} & modules
+
+
 def test_a_report_is_computed_again_from_the_events(tmp_path: Path) -> None:
     done = play(tmp_path / "game", game__moves="e4 d5 exd5")
     run = CliRunner().invoke(app, ["report", str(tmp_path / "game"), "--json"])
