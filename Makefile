@@ -14,9 +14,9 @@
 ARGS ?=
 TIMES ?= 20
 WORKERS ?= $(shell expr 2 '*' $$(nproc))
-# What Numba compiles where its cache is empty: once before the workers, each of which would do it for itself. Nor need
-# each of the hundreds of processes that tests start read all sources anew, whatever the environment says of bytecode;
-# and threads of BLAS that wait for each other on busy processors take several times the work's own time.
+# What Numba compiles and pytest rewrites where their caches are empty: once before the workers, each of which would do it
+# for itself. Nor need each of the hundreds of processes that tests start read all sources anew, whatever the environment
+# says of bytecode; and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
 # Files with tests that have to be punctual: the second pass need not read all others anew. ARGS may name its own.
@@ -35,7 +35,8 @@ demo:
 
 test:
 	@bash .ci/setup dev
-	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; wait
+	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; \
+	    test -e tests/__pycache__ || $(PYTEST) --collect-only -qq >/dev/null & wait
 	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
 	@$(PYTEST) -m real_time $(ARGS) $(PUNCTUAL) || [ $$? -eq 5 ]
 
