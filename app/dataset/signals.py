@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.protocol.layout import TELEMETRY
+from controller.protocol.datagram_fields import TELEMETRY
 from controller.protocol.messages import Telemetry
 
 Rows = NDArray[np.float64]

@@ -25,7 +25,7 @@ from app.scene.arm import (
     servo_solids,
 )
 from controller.model.constants import DeltaModel
-from controller.protocol.layout import Flag
+from controller.protocol.datagram_fields import Flag
 from controller.protocol.messages import Telemetry
 from controller.settings import ControllerSettings
 from hardware.interfaces import Triple

@@ -19,7 +19,7 @@ from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.board.view import BoardView
-from vision.hands.stillness import Seen
+from vision.hands.hand_and_motion import Seen
 
 AGAIN: Final = 1.0  # so often a camera that has fallen silent is asked again [s, wall]
 SIGHT_PATIENCE: Final = 10.0  # longer than this nobody waits for sight [s, wall]

@@ -24,7 +24,7 @@ from app.rig.devices import GuardFrames, Holder
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from vision.board.view import BoardView
-from vision.hands.stillness import Seen, Watch
+from vision.hands.hand_and_motion import Seen, Watch
 
 FRAME_AGE: Final = 1.0  # frames older than this say nothing about the present [s]; a late one is left out and told of
 _Shown = tuple[Frame | DepthFrame, Seen]

@@ -19,7 +19,7 @@ from hardware.contact_speeds import ContactSpeeds
 from hardware.table import TableSettings
 from vision.arrays import Array
 from vision.board.view import BoardView
-from vision.hands.stillness import Seen
+from vision.hands.hand_and_motion import Seen
 
 HAND_SPEED: Final = 1.6  # of a hand that reaches out [m/s]; ISO 13855
 TOOL_SIZE: Final = 0.050

@@ -28,7 +28,7 @@ from pydantic_core import to_json
 from app import UserError
 from app.records.files import RecordError, recording
 from controller.protocol.causes import Cause
-from controller.protocol.layout import TELEMETRY, Field, Flag, Result
+from controller.protocol.datagram_fields import TELEMETRY, Field, Flag, Result
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from hardware.interfaces import DriveStatus

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from app.pieces.inventory import MoveKind
-from app.records.events import RepairedBy, own_clock, unsaid
+from app.records.events import RepairedBy, unsaid
 from app.records.files import write_atomically
 from app.records.frames import frame_file
 from app.records.rounds import match_folder, rounds_of
 from app.report.analysis import analysis_of_game
-from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, DataTable, folded, ply_name, seconds
+from app.report.figures_of_plies import CHARTS, EVALUATION, DataTable, folded
 from app.report.markup import Html, joined, tag
+from app.report.moves_table import moves_table
 from app.report.parts import document, figure, scrolling, section
 from app.report.pictures import photographs
 from app.report.source import ReportSource, read_source
@@ -59,7 +59,7 @@ def report_page(source: ReportSource) -> str:
         *([] if analysed is None else [section("analysis", "What the engine thinks of it", analysed)]),
         section("charts", "The game in figures", _charts(source)),
         section("vision", "What the camera reported", _vision(source)),
-        section("moves", "Moves", _moves(source)),
+        section("moves", "Moves", moves_table(source.plies)),
         section("pictures", "Pictures", _pictures(source)),
     ]
     whole = (_header(source, title), tag("main", *sections), _footer(source))
@@ -183,45 +183,6 @@ def _vision(source: ReportSource) -> Html:
         tag("p", lead), scrolling(by_sort.html("How often it reported what"), "How often the camera reported what"),
         folded("Everything the camera reported", table.html("What the camera reported")),
     ])  # fmt: skip
-
-
-def _moves(source: ReportSource) -> Html:
-    plies = source.plies
-    if not plies:
-        return tag("p", "No ply was done.")
-    optional: list[tuple[str, Callable[[int], str]]] = [
-        (">clock [s]", lambda n: seconds(own_clock(plies[n])) if plies[n].clock_s else ""),
-        (">score", lambda n: plies[n].score or ""),
-        (">off centre [mm]", lambda n: _most((plies[n].placement_mm or {}).values(), 2)),
-        (">torque [N m]", lambda n: _most((plies[n].peak_torque_Nm,), 2)),
-        (">force [N]", lambda n: _most((plies[n].peak_force_N,), 1)),
-        ("board", lambda n: {True: "right", False: "wrong", None: ""}[plies[n].physical_ok]),
-        ("comment", lambda n: plies[n].comment),
-    ]
-    kept = [(name, value) for name, value in optional if any(value(n) for n in range(len(plies)))]
-    rows = [
-        (
-            str(ply.ply), ply_name(ply), KINDS[ply.kind], ply.by, seconds(ply.real_s), seconds(ply.planned_s),
-            *(value(n) for _, value in kept),
-        )
-        for n, ply in enumerate(plies)
-    ]  # fmt: skip
-    columns = ("ply", "move", "kind", "moved by", ">took [s]", ">planned [s]", *(name for name, _ in kept))
-    counted = Counter(ply.kind for ply in plies)
-    lead = ", ".join(f"{counted[kind]} {KINDS[kind]}" for kind in MoveKind if counted[kind])
-    table = scrolling(
-        DataTable(columns, rows).html("All plies, with their times in plant time"), "All moves", "tall moves"
-    )
-    return joined([tag("p", f"{_plies(len(plies))}: {lead}."), table])
-
-
-def _plies(count: int) -> str:
-    return "1 ply" if count == 1 else f"{count} plies"
-
-
-def _most(values: Iterable[float | None], digits: int) -> str:
-    known = [value for value in values if value is not None]
-    return f"{max(known):.{digits}f}" if known else ""
 
 
 def _pictures(source: ReportSource) -> Html:

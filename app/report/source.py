@@ -27,7 +27,7 @@ from app.records.history import counted_plies
 from app.records.rounds import match_folder, rounds_of
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from controller.protection.limits import Limits, default_limits
-from controller.protocol.layout import Flag
+from controller.protocol.datagram_fields import Flag
 from controller.protocol.messages import Telemetry
 
 

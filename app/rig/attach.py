@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from app.rig.devices import RigFailed
 from controller.protocol.cause_sentences import explain
-from controller.protocol.layout import Flag
+from controller.protocol.datagram_fields import Flag
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED, State
 from controller.wire.client import ControllerClient

@@ -14,7 +14,7 @@ from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, VECTOR, FloatAr
 from controller.protection.limits import Limits, Violation
 from controller.protection.reference_check import SampleCheck
 from controller.protocol.causes import Cause
-from controller.protocol.layout import Guard, Result
+from controller.protocol.datagram_fields import Guard, Result
 from controller.protocol.messages import Announce
 from controller.protocol.states import State
 from controller.settings import ControllerSettings

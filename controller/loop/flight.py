@@ -25,7 +25,7 @@ from typing import Final, NamedTuple
 from controller.loop.supervisor import Supervisor
 from controller.loop.tick import FlightRing
 from controller.protocol.causes import Cause
-from controller.protocol.layout import CommandCode
+from controller.protocol.datagram_fields import CommandCode
 from controller.protocol.messages import Announce
 from controller.records.flight_file import FlightHead, Order, Trigger, write_flight
 

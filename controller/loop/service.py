@@ -7,7 +7,7 @@ from typing import Final
 from controller.loop.flight import FlightRecorder
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
-from controller.protocol.layout import COMMAND, HEARTBEAT, RELEASE, CommandCode, DatagramKind
+from controller.protocol.datagram_fields import COMMAND, HEARTBEAT, RELEASE, CommandCode, DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry
 from controller.records.loop_statistics import LoopClock
 from controller.settings import ControllerSettings

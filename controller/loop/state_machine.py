@@ -14,7 +14,7 @@ from controller.loop.reference import Reference
 from controller.protection.limits import REACTIONS, Reaction, Violation
 from controller.protection.monitor import Protection
 from controller.protocol.causes import Cause
-from controller.protocol.layout import Result
+from controller.protocol.datagram_fields import Result
 from controller.protocol.states import BRAKED, Event, State, next_state
 from controller.settings import ControllerSettings
 from hardware.interfaces import Measurement, Triple

@@ -29,7 +29,7 @@ from controller.protection.limits import (
 )
 from controller.protection.monitor import Protection
 from controller.protocol.causes import Cause
-from controller.protocol.layout import CommandCode, Result
+from controller.protocol.datagram_fields import CommandCode, Result
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
 from controller.settings import ControllerSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from controller.loop.supervisor import Supervisor
-from controller.protocol.layout import Flag
+from controller.protocol.datagram_fields import Flag
 from controller.protocol.messages import Telemetry
 from controller.records.loop_statistics import LoopStatistics
 from hardware.interfaces import DriveStatus, Triple

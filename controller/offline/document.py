@@ -10,7 +10,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
-from controller.protocol import layout as wire
+from controller.protocol import datagram_fields as wire
 from controller.protocol.cause_sentences import template
 from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope

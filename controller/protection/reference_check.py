@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.model.compiled import FINDING, ROW, TABLE, TRUTH, FloatArray, compiled, compiled_as
 from controller.protection.limits import Limits, Violation
 from controller.protocol.causes import Cause
-from controller.protocol.layout import Guard
+from controller.protocol.datagram_fields import Guard
 
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)

@@ -1,6 +1,6 @@
 """The wire between the app and the controller; ``docs/protocol.md`` describes it for other languages."""
 
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     SAMPLE,
     SAMPLES_PER_DATAGRAM,
     VERSION,

@@ -7,7 +7,16 @@ import hmac
 from enum import IntEnum, unique
 from typing import NamedTuple
 
-from controller.protocol.layout import HEADER, MAGIC, MAX_DATAGRAM, PAYLOADS, SAMPLE, TAG_SIZE, VERSION, DatagramKind
+from controller.protocol.datagram_fields import (
+    HEADER,
+    MAGIC,
+    MAX_DATAGRAM,
+    PAYLOADS,
+    SAMPLE,
+    TAG_SIZE,
+    VERSION,
+    DatagramKind,
+)
 
 _HEADER = HEADER.struct
 _OVERHEAD = HEADER.size + TAG_SIZE

@@ -7,7 +7,7 @@ import secrets
 import stat
 from pathlib import Path
 
-from controller.protocol.layout import KEY_SIZE
+from controller.protocol.datagram_fields import KEY_SIZE
 
 KEY_FILE = "key"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from controller.protocol.cause_sentences import explain
 from controller.protocol.causes import Cause
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     ADMIT_SPEED,
     ANNOUNCE,
     BUSY,

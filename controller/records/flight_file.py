@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from controller.protocol.cause_sentences import explain
 from controller.protocol.causes import Cause
-from controller.protocol.layout import VERSION, CommandCode, Field, Layout, MotionFlag
+from controller.protocol.datagram_fields import VERSION, CommandCode, Field, Layout, MotionFlag
 from controller.protocol.messages import Announce
 
 FLIGHT: Final = Layout(

@@ -8,8 +8,8 @@ import socket
 from pathlib import Path
 from typing import NamedTuple
 
+from controller.protocol.datagram_fields import VERSION
 from controller.protocol.key import KEY_FILE, load_key
-from controller.protocol.layout import VERSION
 from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerUnavailable
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.protocol.causes import Cause
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     COMMAND,
     RELEASE,
     SAMPLE,

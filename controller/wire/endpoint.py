@@ -22,8 +22,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from controller.protocol.datagram_fields import CHALLENGE, MAX_DATAGRAM, DatagramKind
 from controller.protocol.envelope import Drop, Envelope, Header, Opened, SequenceWindow
-from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello
 from controller.wire.sockets import Address, client_socket, listening_socket
 from controller.wire.subscribers import Subscribers

@@ -7,8 +7,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from controller.protocol.datagram_fields import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 from controller.wire.address import open_socket
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable

@@ -12,8 +12,8 @@ import threading
 import time
 from typing import Self
 
+from controller.protocol.datagram_fields import CHALLENGE, MAX_DATAGRAM, STOP, WATCH, DatagramKind, Layout
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, STOP, WATCH, DatagramKind, Layout
 from controller.protocol.messages import Telemetry
 from controller.wire.address import open_socket
 from controller.wire.errors import ControllerLost, ControllerUnavailable, StopUnanswered

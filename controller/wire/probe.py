@@ -7,8 +7,8 @@ import socket
 import time
 from typing import NamedTuple, Self
 
+from controller.protocol.datagram_fields import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.envelope import Drop, Envelope, Opened
-from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 

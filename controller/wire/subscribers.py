@@ -15,8 +15,8 @@ import hashlib
 import secrets
 from collections.abc import Callable
 
+from controller.protocol.datagram_fields import CHALLENGE, STOP, WATCH, DatagramKind
 from controller.protocol.envelope import Drop, Header, Opened, SequenceWindow
-from controller.protocol.layout import CHALLENGE, STOP, WATCH, DatagramKind
 from controller.wire.sockets import Address
 
 Send = Callable[[Address, DatagramKind, int, bytes], None]

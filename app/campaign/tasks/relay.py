@@ -12,7 +12,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from controller.protocol.layout import MAX_DATAGRAM
+from controller.protocol.datagram_fields import MAX_DATAGRAM
 from controller.settings import CONTROLLER_FILE, LOOPBACK
 
 _GLANCE: Final = 0.2

@@ -23,7 +23,7 @@ from vision.board.find import find_board
 from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
-from vision.hands.stillness import VideoGate
+from vision.hands.hand_and_motion import VideoGate
 
 LOOKED_THROUGH: Final = 200  # first frames of a video in which the board is looked for: hands may be over it at first
 _PLY: Final = re.compile(r"ply-(\d+)")

@@ -19,7 +19,7 @@ from hardware.sim.bodies.arm import (
     stiffen_closures,
 )
 from hardware.sim.bodies.board_texture import board_png
-from hardware.sim.bodies.contact_stiffness import (
+from hardware.sim.bodies.friction_and_stiffness import (
     FOOT_FRICTION,
     FOOT_ON_BOARD,
     LINED,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_contact_sensor
-from hardware.sim.bodies.contact_stiffness import FOOT_FRICTION, FOOT_ON_BOARD
+from hardware.sim.bodies.friction_and_stiffness import FOOT_FRICTION, FOOT_ON_BOARD
 from hardware.sim.bodies.mujoco_contact import Contact
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model

@@ -16,7 +16,7 @@ from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.rig.arm import ControllerArm, PieceSlipped
-from controller.protocol.layout import Result
+from controller.protocol.datagram_fields import Result
 from controller.wire.client import MotionOutcome
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

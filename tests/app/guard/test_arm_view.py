@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
-from controller.protocol.layout import Flag
+from controller.protocol.datagram_fields import Flag
 from controller.protocol.messages import Telemetry
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.arm import add_arm, inverse_kinematics

@@ -16,7 +16,7 @@ from controller.loop.playback import CHANGE
 from hardware.contact_speeds import CONTACT_PROFILES
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.table import TableSettings
-from vision.hands.stillness import Seen
+from vision.hands.hand_and_motion import Seen
 
 TABLE = TableSettings(limits=CONTACT_PROFILES["separation"])
 VIEW = nominal_view(colour_intrinsics(640, 480), TABLE).beside(depth_intrinsics(GLANCE), LEFT_IMAGER)

@@ -13,9 +13,9 @@ import numpy as np
 
 from controller.model.constants import DeltaModel
 from controller.model.reach import tool_point_at
+from controller.protocol.datagram_fields import MAX_DATAGRAM, TELEMETRY, DatagramKind, Flag
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.key import create_key
-from controller.protocol.layout import MAX_DATAGRAM, TELEMETRY, DatagramKind, Flag
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from controller.wire.subscribers import Subscribers

@@ -28,7 +28,7 @@ from app.records.telemetry import (
 )
 from controller.protocol import Flag, Result
 from controller.protocol.causes import Cause
-from controller.protocol.layout import TELEMETRY
+from controller.protocol.datagram_fields import TELEMETRY
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from hardware.interfaces import DriveStatus

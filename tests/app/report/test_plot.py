@@ -14,7 +14,7 @@ from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.report import report_page
 from app.report.plot import PlotArea, nice_ticks, number
 from app.report.source import read_source
-from controller.protocol.layout import TELEMETRY, Flag
+from controller.protocol.datagram_fields import TELEMETRY, Flag
 from controller.protocol.messages import Telemetry
 from tests.app.played_game import PlayedGame
 

@@ -23,7 +23,7 @@ from controller.protection.monitor import MeanTorque
 from controller.protection.reference_check import rows_from_samples
 from controller.protocol import Guard, MotionFlag, Result
 from controller.protocol.causes import Cause
-from controller.protocol.layout import DatagramKind
+from controller.protocol.datagram_fields import DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.records.loop_statistics import LoopStatistics

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from controller.loop.server import serve
 from controller.protocol import SAMPLE, CommandCode, DatagramKind, Flag, Result
 from controller.protocol.causes import Cause
+from controller.protocol.datagram_fields import CHALLENGE, COMMAND, HEARTBEAT
 from controller.protocol.envelope import Envelope
 from controller.protocol.key import KEY_FILE, create_key
-from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT
 from controller.protocol.messages import Hello, Telemetry
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings

@@ -11,7 +11,7 @@ from controller.loop.service import ClientService
 from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
-from controller.protocol.layout import HEARTBEAT, SAMPLES, DatagramKind
+from controller.protocol.datagram_fields import HEARTBEAT, SAMPLES, DatagramKind
 from controller.records.loop_statistics import LoopClock
 from controller.settings import ControllerSettings
 from controller.wire.endpoint import Endpoint, Handler

@@ -16,7 +16,7 @@ from controller.loop.tick import FlightRing, plain_tick
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, default_limits
 from controller.protocol import Guard
-from controller.protocol.layout import CommandCode, MotionFlag
+from controller.protocol.datagram_fields import CommandCode, MotionFlag
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     COMMAND,
     HEARTBEAT,
     PAYLOADS,
@@ -22,6 +21,7 @@ from controller.protocol.layout import (
     CommandCode,
     DatagramKind,
 )
+from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.messages import AdmitSpeed, Announce, Hello, MotionFlag, Samples, Welcome
 from controller.wire.endpoint import Endpoint
 

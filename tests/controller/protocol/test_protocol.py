@@ -17,9 +17,7 @@ from hypothesis import strategies as st
 from controller.offline.document import refresh
 from controller.protocol import SAMPLE, SAMPLES_PER_DATAGRAM, VERSION, DatagramKind, Flag, Guard, MotionFlag, Result
 from controller.protocol.causes import Cause
-from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
-from controller.protocol.key import KeyFileError, create_key, load_key
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     HEADER,
     HEARTBEAT,
     MAX_DATAGRAM,
@@ -32,6 +30,8 @@ from controller.protocol.layout import (
     Layout,
     layout_version,
 )
+from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
+from controller.protocol.key import KeyFileError, create_key, load_key
 from controller.protocol.messages import Announce, Busy, Hello, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from hardware.interfaces import DriveStatus

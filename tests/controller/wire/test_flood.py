@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from app.play.launch import run_games
 from app.settings.files import settings_of
 from app.terminal.interface import UserInterface
-from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     CHALLENGE,
     COMMAND,
     HEARTBEAT,
@@ -30,6 +29,7 @@ from controller.protocol.layout import (
     CommandCode,
     DatagramKind,
 )
+from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.messages import Announce, Busy, Hello, MotionFlag, Samples, Welcome
 from controller.wire.client import ControllerClient
 from controller.wire.endpoint import Endpoint

@@ -16,8 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.protocol import CommandCode, DatagramKind, Result
+from controller.protocol.datagram_fields import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.envelope import Drop, Envelope, Opened
-from controller.protocol.layout import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from controller.wire.address import find_controller

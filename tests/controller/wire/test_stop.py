@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from controller.protocol import CommandCode, DatagramKind, Result
 from controller.protocol.causes import Cause
-from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import (
+from controller.protocol.datagram_fields import (
     ANNOUNCE,
     CHALLENGE,
     COMMAND,
@@ -30,6 +29,7 @@ from controller.protocol.layout import (
     STOP,
     WATCH,
 )
+from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.messages import Hello, Welcome
 from controller.protocol.states import State
 from controller.wire.address import find_controller

@@ -18,7 +18,7 @@ from hardware.table import TableSettings, square_place
 from tests.vision.views import looking_at, square_polygon
 from vision.board.view import BoardView, playing_area
 from vision.hands.arm_mask import Capsules, Hidden
-from vision.hands.stillness import ColourWatch, Seen, SettledView, VideoGate, Watch, WatchSettings
+from vision.hands.hand_and_motion import ColourWatch, Seen, SettledView, VideoGate, Watch, WatchSettings
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)

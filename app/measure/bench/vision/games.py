@@ -30,7 +30,7 @@ from vision.board.find import find_board
 from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardView
-from vision.hands.stillness import Watch
+from vision.hands.hand_and_motion import Watch
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer

@@ -42,7 +42,7 @@ from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import Randomisation
 from hardware.table import TableSettings
-from vision.hands.stillness import Watch
+from vision.hands.hand_and_motion import Watch
 
 LOOKS: Final = Randomisation(
     light_brightness=0.3, light_colour=0.15, light_direction=0.6, exposure=0.2, white_balance=0.08, camera_noise=0.3,

@@ -33,7 +33,7 @@ from hardware.interfaces import HardwareError
 from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
-from vision.hands.stillness import Watch
+from vision.hands.hand_and_motion import Watch
 
 SEED: Final = 11
 ENTRIES: Final = {True: 3, False: 200}

@@ -27,7 +27,7 @@ from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.piece_set import Colour
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw
-from vision.hands.stillness import Seen, Watch
+from vision.hands.hand_and_motion import Seen, Watch
 from vision.reading.observer import Observation
 from vision.reading.outcome import ReadingOutcome
 

@@ -37,7 +37,7 @@ from app.scene.frames import turned_by
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at, tool_point_at
 from controller.model.vectors import turn
-from controller.protocol.layout import TELEMETRY
+from controller.protocol.datagram_fields import TELEMETRY
 from controller.protocol.messages import Telemetry
 from hardware.interfaces import Triple
 from hardware.parameters import load_parameters

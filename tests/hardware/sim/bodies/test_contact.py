@@ -10,7 +10,7 @@ import pytest
 
 from hardware.parameters import load_parameters
 from hardware.piece_set import Colour, Kind
-from hardware.sim.bodies.contact_stiffness import (
+from hardware.sim.bodies.friction_and_stiffness import (
     FOOT_ON_BOARD,
     PAD_ON_PIECE,
     PAIRS,

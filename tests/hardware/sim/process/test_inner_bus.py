@@ -14,7 +14,7 @@ from controller.loop.supervisor import Supervisor
 from controller.loop.tick import LOOK_CLOSER
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
-from controller.protocol.layout import MotionFlag
+from controller.protocol.datagram_fields import MotionFlag
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
