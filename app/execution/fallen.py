@@ -16,7 +16,7 @@ from app.pieces.order import Point
 from hardware.table import Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import PUT_BY
-from vision.pieces.verify import TOLERANCE, Fault, FaultKind
+from vision.pieces.placement_faults import TOLERANCE, Fault, FaultKind
 
 MOST_TRIES: Final = 6
 """To stand one piece up: the fingers may slip, and what lies askew lies otherwise after each."""

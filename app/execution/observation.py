@@ -32,8 +32,8 @@ from vision.pieces.boxes import holds_more
 from vision.pieces.centres import piece_centres
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import around_board, find_misplaced
+from vision.pieces.placement_faults import Examination, Fault, FaultKind, examine_board
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
-from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, WHITE
 from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of

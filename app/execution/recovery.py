@@ -36,7 +36,7 @@ from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind
 from vision.reading.outcome import LOOKS
 
 MOST_ROUNDS: Final = 40

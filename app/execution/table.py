@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from app.execution.recovery import Recovery
     from app.guard.game_guard import GameGuard
     from vision.pieces.lying_or_standing import MisplacedPiece
-    from vision.pieces.verify import Fault
+    from vision.pieces.placement_faults import Fault
     from vision.reading.diagnosis import Diagnosis
 
 

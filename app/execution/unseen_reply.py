@@ -17,7 +17,7 @@ from app.pieces.layout import colour_of, kind_of
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
 from vision.board.view import BoardView
-from vision.pieces.verify import Fault, FaultKind, examine_board
+from vision.pieces.placement_faults import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, WHITE
 from vision.reading.evidence import codes_of
 from vision.reading.observer import likelihood_by_others

@@ -11,7 +11,7 @@ from app.execution.table import Table
 from app.terminal.interface import UserInterface
 
 if TYPE_CHECKING:
-    from vision.pieces.verify import Fault
+    from vision.pieces.placement_faults import Fault
     from vision.reading.diagnosis import Diagnosis
 
 FORBEARANCE: Final = 2.0

@@ -23,9 +23,9 @@ from vision.pieces.centres import Centre, centres_of
 from vision.pieces.fit import Fit
 from vision.pieces.lying_or_standing import MisplacedPiece, PoseSearch
 from vision.pieces.outline import labels
+from vision.pieces.placement_faults import TOLERANCE
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
-from vision.pieces.verify import TOLERANCE
 
 _BEFORE: Final = 0.012  # a point further beyond a piece's foot than this, seen from above, is none of the piece's [m]
 _BEYOND: Final = 0.014  # pieces are looked for up to so far beyond the playing area [m]

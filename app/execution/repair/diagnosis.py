@@ -15,7 +15,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point, rearrange
 from hardware.piece_set import Colour, Kind
 from hardware.table import PieceSpec, square_place
-from vision.pieces.verify import TOLERANCE
+from vision.pieces.placement_faults import TOLERANCE
 
 SEEN_WITHIN: Final = 0.75
 """A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""

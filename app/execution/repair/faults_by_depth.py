@@ -15,7 +15,7 @@ from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.table import PieceSpec, square_place
-from vision.pieces.verify import Fault, FaultKind, off_centre
+from vision.pieces.placement_faults import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sightings, kind_cost
 
 _CENTRED: Final = 0.006

@@ -9,7 +9,7 @@ from app.execution.interruption import CarryFailed, Loss
 from app.execution.repair.by_sight import Whereabouts
 from app.pieces.inventory import Inventory
 from hardware.table import PieceSpec, Place, square_place
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind
 
 
 class LostPieces:

@@ -18,7 +18,7 @@ from app.pieces.order import Point
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.table import PieceSpec, square_place
 from vision.pieces.centres import Centre
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.piece_kinds import SPREAD
 

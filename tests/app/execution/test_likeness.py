@@ -12,7 +12,7 @@ from app.measure.bench.vision.games import BoardReader, Scene, open_studio, rand
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import TableStudio
 from hardware.table import TableSettings
-from vision.pieces.verify import FaultKind, examine_board
+from vision.pieces.placement_faults import FaultKind, examine_board
 
 TABLE = TableSettings()
 OFF = 0.02

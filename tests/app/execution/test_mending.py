@@ -42,8 +42,8 @@ from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
+from vision.pieces.placement_faults import Fault, FaultKind
 from vision.pieces.poses import Pose
-from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.outcome import LOOKS
 

@@ -23,7 +23,7 @@ from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.centres import Centre
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind
 
 TABLE = TableSettings()
 SEEDS = st.integers(min_value=0, max_value=2**32)

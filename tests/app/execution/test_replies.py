@@ -15,7 +15,7 @@ from hardware.sim.render.settings import SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.pieces.verify import FaultKind, examine_board
+from vision.pieces.placement_faults import FaultKind, examine_board
 
 TABLE = TableSettings()
 PERSON = 0.006

@@ -25,7 +25,7 @@ from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.table import Captured, TableSettings, square_place
-from vision.pieces.verify import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind
 from vision.reading.outcome import ReadingOutcome
 
 TABLE = TableSettings()

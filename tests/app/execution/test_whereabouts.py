@@ -26,7 +26,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Colour, Kind
 from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
-from vision.pieces.verify import Fault, FaultKind, off_centre
+from vision.pieces.placement_faults import Fault, FaultKind, off_centre
 from vision.standing.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()

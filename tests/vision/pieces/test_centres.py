@@ -26,7 +26,7 @@ from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 from vision.pieces.outline import outline
-from vision.pieces.verify import FaultKind, examine_board
+from vision.pieces.placement_faults import FaultKind, examine_board
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)

@@ -18,8 +18,8 @@ from app.pieces.layout import start_layout
 from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import TableSettings, square_place
+from vision.pieces.placement_faults import examine_board
 from vision.pieces.swapped import KnownPicture, looked_closer
-from vision.pieces.verify import examine_board
 from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import ReadingOutcome

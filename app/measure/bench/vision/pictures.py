@@ -23,7 +23,7 @@ from vision.board.find import find_board
 from vision.board.moved import Anchor
 from vision.board.orientation import orient
 from vision.board.view import BoardView, playing_area
-from vision.pieces.verify import examine_board
+from vision.pieces.placement_faults import examine_board
 from vision.reading.observer import Observer
 from vision.reading.rectified_view import sight_of_frame
 
