@@ -57,7 +57,7 @@ class ControllerSettings(BaseModel):
     held_force: PositiveFloat = HELD_FORCE
     """A controller that starts with both pads feeling this has a piece in its fingers [N] …"""
     holding_speed: PositiveFloat = 0.025
-    """… and goes on pressing with this velocity of each finger [m/s]: 4 N in stall, what a grasp presses with."""
+    """… and goes on pressing with this velocity of each finger [m/s]: 4 N in stall, a little less than in a game."""
     compliant_damping: PositiveFloat = 40.0
     """k_v of each axis in compliant mode [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that
     pushes it away at 0.1 m/s feels 4 N."""

@@ -24,9 +24,9 @@ class CampaignFaults(FrozenFinite):
     grip: Part = 0.0
     """Share of holds in which the gripper's motor lets go by itself."""
     knocks: NonNegativeInt = 0
-    """After each so manieth ply a hand knocks a piece over, shifts it, or carries it off; 0: never."""
+    """N: after every N-th ply a hand knocks a piece over, shifts it, or carries it off; 0: never."""
     hands: NonNegativeInt = 0
-    """In each so manieth ply a hand reaches over the board while the arm moves, and the guard watches; 0: never."""
+    """N: in every N-th ply a hand reaches over the board while the arm moves, and the guard watches; 0: never."""
     link_loss: Annotated[float, Field(ge=0.0, le=MOST_LOSS)] = 0.0
     """Share of datagrams between program and controller that are lost, each way."""
     kills: NonNegativeInt = 0

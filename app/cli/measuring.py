@@ -12,7 +12,7 @@ from app.cli.ending import fail, say, show_report
 
 def figures(
     name: Annotated[
-        str, typer.Argument(help="Paper's figure 5, 6, 7 or 9; newton, encoder, workspace, touch or move.")
+        str, typer.Argument(help="Paper's figure 5, 6, 7 or 9; newton, encoder, workspace, touch, separation or move.")
     ],
     move: Annotated[str, typer.Argument(help="For figure move: the move to draw, SAN or UCI.")] = "e2e4",
     fen: Annotated[str | None, typer.Option(help="For figure move: the position.")] = None,

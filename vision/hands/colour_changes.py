@@ -28,7 +28,7 @@ REACH: Final = 0.15  # what differs, touches the rim, and covers at least so muc
 BODY: Final = 0.5  # … if so much is outside of the board: pieces near the edge lean out of it by less [squares];
 LONE: Final = 1.2  # or if it covers so much of the board, whatever is seen of it outside [squares]
 LARGE: Final = 5.0  # whatever differs and is at least so large is no piece, nor a few of them [squares]
-_SPARSE: Final = 5  # statistics over all of a picture are taken of each so manieth pixel along both axes
+_SPARSE: Final = 5  # statistics over all of a picture are taken of one pixel in so many along both axes
 _LEARNING: Final = 0.2  # share of a settled picture in the new background
 _COVERED: Final = 0.12  # a square of which a hand covers such a share lies under it
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)

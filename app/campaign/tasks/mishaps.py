@@ -100,7 +100,7 @@ class MeddlingHands(UserInterface):
 
 
 class ReachingHands(UserInterface):
-    """In each so manieth ply a hand reaches over some square when the arm sets out, stays a moment, and withdraws.
+    """In every n-th ply a hand reaches over some square when the arm sets out, stays a moment, and withdraws.
 
     Args:
         run_dir: of the world.

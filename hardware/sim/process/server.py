@@ -47,7 +47,7 @@ PATIENCE = 0.1
 MOMENT = 0.002
 """Pace fast: how long the world listens at a time while plant time waits for a picture [s]."""
 OTHERS_EVERY = 8
-"""Pace fast, while the controller is busy: others are heard in each so manieth tick; none of them is in a hurry."""
+"""Pace fast, while the controller is busy: others are heard once in so many ticks; none of them is in a hurry."""
 LONGEST_UNREST = 5.0
 """Pace fast: time stands after so long even if something does not come to rest, as a piece that trembles under the
 fingers, while nobody needs time for anything else [s, plant]."""
