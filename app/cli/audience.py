@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.defaults import Settings
-    from app.terminal.interface import UserInterface
+    from app.terminal.game_display import UserInterface
     from app.terminal.typed_lines import TypedLines
     from app.voice.listener import Listener
     from app.voice.speaker import Speaker
@@ -122,7 +122,7 @@ def _audience(
 ) -> Iterator[_Audience]:
     """The terminal and the page, as far as they are wanted; arguments as of ``show_game``."""
     from app import UserError
-    from app.terminal.interface import Conversation, Terminal, Together, UserInterface
+    from app.terminal.game_display import Conversation, Terminal, Together, UserInterface
     from app.terminal.typed_lines import TypedLines
 
     talks = program in ("play", "resume")

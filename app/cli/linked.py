@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.defaults import LinkSection, Settings
-    from app.terminal.interface import UserInterface
+    from app.terminal.game_display import UserInterface
 
 Person = Annotated[
     bool, typer.Option("--person", help="A person plays at this table; otherwise an engine or --moves does.")

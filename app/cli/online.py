@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.defaults import Settings
-    from app.terminal.interface import UserInterface
+    from app.terminal.game_display import UserInterface
 
 
 _BOT: Final[options.Group] = MappingProxyType({

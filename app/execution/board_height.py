@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from app import UserError
 from app.pieces.inventory import Inventory
 from app.rig.arm import Arm, ArmPaused, NothingTouched, TouchedElsewhere
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 if TYPE_CHECKING:
     from app.motion import Planner

@@ -28,7 +28,7 @@ from app.rig.arm import (
     PieceSlipped,
     TouchedElsewhere,
 )
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.parameters import RobotParameters
 from hardware.piece_set import Kind
 

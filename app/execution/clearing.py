@@ -21,7 +21,7 @@ from app.motion.plan import BoxInTheWay, InTheWay, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from app.records import GameRecord
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Clock
 from hardware.piece_set import PIECE_SHAPES
 from vision.pieces.lying_or_standing import MisplacedPiece

@@ -9,7 +9,7 @@ from app.execution.state import Attendant, Clearance, Devices
 from app.records import GameRecord
 from app.records.events import STOPPED
 from app.rig.arm import ArmGaveWay, ArmHeld, ArmPaused, ArmStopped
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 MOST_YIELDS: Final = 3
 """Within one job the arm gives way; what is in its way more often is no hand that passes."""

@@ -32,7 +32,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose, RepairedBy
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.pieces.lying_or_standing import MisplacedPiece

@@ -26,7 +26,7 @@ from app.pieces.position import set_up
 from app.records import GameRecord, PlyOutcome
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Frame
 from hardware.table import Place
 

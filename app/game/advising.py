@@ -9,7 +9,7 @@ from app.game.timing import Timing
 from app.players.advice import TakingBack
 from app.players.ending import GameEnd
 from app.players.person import Human
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 
 class Advising:

@@ -9,7 +9,7 @@ from app.game.timing import Timing
 from app.players.commands import Word, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 _LEAVES = (Word.QUIT, Word.NEW)
 _HOW = "two engines play: say 'pause' and 'go', 'new' for another game, or 'quit'"

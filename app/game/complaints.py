@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app.execution.table import Table
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 if TYPE_CHECKING:
     from vision.pieces.placement_faults import Fault

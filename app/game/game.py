@@ -21,7 +21,7 @@ from app.players.person import Human, Lines
 from app.players.players import Decision, Players
 from app.players.remote import RemoteOpponent
 from app.rig.arm import FELT
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
 
 

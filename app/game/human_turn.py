@@ -31,7 +31,7 @@ from app.players.players import Players
 from app.records import RecordError
 from app.rig.arm import ArmPaused, ArmStopped
 from app.settings.time_control import clock_text
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation

@@ -32,7 +32,7 @@ from app.players.commands import (
 from app.players.ending import GameEnd
 from app.players.person import Hands, Human, Lines, PersonGone
 from app.rig.arm import Arm
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from hardware.piece_set import Look

@@ -18,7 +18,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import PIECE_TYPES
 from app.players.commands import NOTHING, CommandError, Word, said_of_square
 from app.players.person import Human
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.piece_set import Colour, Look
 from hardware.table import Place, TableSettings

@@ -33,7 +33,7 @@ from app.players.remote import (
     RemoteOpponent,
     TakenBack,
 )
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import RemoteShown
 from hardware.piece_set import Colour
 

@@ -32,7 +32,7 @@ from app.rig.simulation.ahead import RigAhead
 from app.settings.defaults import LinkRole, Settings
 from app.settings.files import kept_settings
 from app.settings.time_control import ArmTime
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 POLL: Final = 0.2
 """[s, wall]"""

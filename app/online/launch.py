@@ -22,7 +22,7 @@ from app.records.events import StartEvent, read_events
 from app.rig.simulation.ahead import RigAhead
 from app.settings.defaults import OnlineUse, PlayerKind, PracticeSection, Settings
 from app.settings.files import kept_settings
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 _T = TypeVar("_T")
 _UPGRADE: Final = "--upgrade makes a bot's account of it"

@@ -10,7 +10,6 @@ from app import UserError
 from app.execution.state import LEFT
 from app.game.person import PersonAttendant, ask
 from app.online.client import BACK_OFF, CONNECTING, Cut, LichessClient, RequestRefused, Stream
-from app.online.feeds import EventFeed, Seek
 from app.online.messages import (
     Account,
     Challenge,
@@ -21,12 +20,13 @@ from app.online.messages import (
     game_line,
 )
 from app.online.opponent import LichessOpponent
+from app.online.seeks_and_events import EventFeed, Seek
 from app.online.terms import BLITZ, TablePace, Terms, of_challenge
 from app.players.commands import Word, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
 from app.settings.defaults import OnlineSection, OnlineUse
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 POLL: Final = 0.2
 """How long is waited for events before it is asked what is said here [s, wall]."""

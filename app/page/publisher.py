@@ -44,7 +44,7 @@ from app.page.news import (
     Side,
     SquareSeen,
 )
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import ClockShown, LookShown, PathShown, RemoteShown, SessionShown, View
 from hardware.piece_set import Colour
 

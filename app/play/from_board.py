@@ -22,7 +22,7 @@ from app.play.match import Match
 from app.play.session import Round
 from app.play.table_setup import TableSetup
 from app.players.person import Human
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.table import TableSettings
 
 

@@ -25,7 +25,7 @@ from app.practice.puzzles import Puzzle, PuzzleAdviser, puzzles_from
 from app.records.recorded_games import RecordedGame, recorded_games
 from app.settings.defaults import PlayerKind, Settings
 from app.settings.files import keep_settings
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 NOBODY = "-"
 """Plays where a position is only set up."""

@@ -35,7 +35,7 @@ from app.rig.rig_file import RigFile
 from app.rig.simulation.ahead import RigAhead
 from app.settings.defaults import BOARD, SIMULATED, PlayerKind, Settings
 from app.settings.files import keep_settings, kept_settings
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import RigKind, SessionShown
 from controller.wire.link import Listener
 from hardware.piece_set import Colour

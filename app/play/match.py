@@ -37,7 +37,7 @@ from app.players.remote import RemoteOpponent
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 

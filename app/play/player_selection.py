@@ -16,7 +16,7 @@ from app.players.tablebase import Tablebase
 from app.practice.repertoire import RepertoirePlayer, load_repertoire
 from app.settings.defaults import PlayerKind, Settings
 from app.settings.time_control import TimeControl
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from engine.book import Book, BookSettings
 from engine.draws_and_resigning import RESIGNING, DrawResignPolicy
 from engine.openings import OPENING_PLIES, opening_engine, varied_opening

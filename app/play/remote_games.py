@@ -20,7 +20,7 @@ from app.players.commands import Word
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
-from app.terminal.interface import Together, UserInterface
+from app.terminal.game_display import Together, UserInterface
 from app.terminal.shown import RemoteShown, SessionShown
 from hardware.piece_set import Colour
 

@@ -39,7 +39,7 @@ from app.records.files import GAMES, make_folder
 from app.rig.simulation.ahead import RigAhead
 from app.settings.defaults import BOARD, Settings
 from app.settings.files import keep_settings, kept_settings
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 
 
 def run_remote_games(

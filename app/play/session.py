@@ -17,7 +17,7 @@ from app.records.files import TRAJECTORY_FILE
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import EndState, Rig, RigFailed
 from app.rig.shown_arm import ShownArm
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener

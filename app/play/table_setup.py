@@ -12,7 +12,7 @@ from app.execution.table import Table
 from app.game.person import PersonAsker, PersonAttendant, UnattendedAsker, UnattendedAttendant
 from app.players.person import Human, Lines
 from app.records import GameRecord
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings

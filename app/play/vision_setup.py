@@ -9,7 +9,7 @@ from app.play.game_setup import RigSetup
 from app.play.session import SessionVision
 from app.players.person import Human
 from app.settings.defaults import Settings
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Intrinsics
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import chess
 
 from app import UserError
 from app.records import PlyEvent
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.voice.dialogue import PATIENCE, Reply, reply
 from app.voice.microphone import PROGRAM, Microphone
 from app.voice.phrases import ADDRESS, NEITHER, NO, YES, grammar_of, lines_of, sayable

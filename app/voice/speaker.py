@@ -15,7 +15,7 @@ import chess
 from app import UserError
 from app.records import PlyEvent
 from app.settings.defaults import Voice
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.voice.german import MOVES, in_german
 from app.voice.spoken_moves import ENGLISH
 

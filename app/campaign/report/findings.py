@@ -23,11 +23,11 @@ from app.campaign.report.analysis.comparing import (
     visible_rate,
     with_the_same_plies,
 )
+from app.campaign.report.analysis.conditions import drawn_ranges
 from app.campaign.report.analysis.distributions import FIGURES, Distribution, ProductBar, distribution, product_bars
 from app.campaign.report.analysis.explaining import Association, explained
 from app.campaign.report.analysis.locating import located
 from app.campaign.report.analysis.metrics import FAILED, OUTCOMES, Metric
-from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
 from app.campaign.report.gate import GateBars, GateVerdict, QuantileBar, bars_by_figure, judged

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.records import PlyEvent
 from app.records.events import unsaid
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import PathShown
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand

@@ -27,7 +27,7 @@ from app.records.files import GAME
 from app.rig.devices import RigFailed
 from app.settings.defaults import Settings
 from app.settings.toml import toml_value
-from app.terminal.interface import Together, UserInterface
+from app.terminal.game_display import Together, UserInterface
 from engine.errors import EngineProblem
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.process.randomisation import AS_A_LAB, Randomisation

@@ -23,7 +23,7 @@ from app.pieces.manipulation import transfers
 from app.pieces.position import set_up
 from app.play.hand_moves import hand_transfers
 from app.records import PlyEvent
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import HardwareError
 from hardware.piece_set import Colour

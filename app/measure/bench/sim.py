@@ -29,7 +29,7 @@ from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.rig.simulation.settings import FAST_TELEMETRY
 from app.settings.defaults import Processes
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.interfaces import Pace
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.journal import Replay, step_alone

@@ -11,7 +11,7 @@ from app.page.recorded.follower import table_of
 from app.page.recorded.game_fold import GameFold, RecordContradicts, RoundShown
 from app.records.events import AnyEvent, FoundEvent, PlyEvent, StartEvent, StepEvent, TaskEvent, TroubleEvent
 from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
-from app.records.film import film_begins
+from app.records.film_start import film_begins
 from app.records.telemetry import TELEMETRY_FILE
 
 _DIGITS: Final = 4

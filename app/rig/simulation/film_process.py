@@ -24,7 +24,7 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from app.records import RecordError, recording
-from app.records.film import BEGINS
+from app.records.film_start import BEGINS
 from app.rig.simulation.film import FIELD_OF_VIEW, FilmWish, Standpoint
 from hardware.interfaces import HardwareError
 from hardware.sim.plant.trajectory import TrajectoryFile, TrajectoryFrame

@@ -24,7 +24,7 @@ from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
 from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, Outcome, TouchedElsewhere
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
 from vision.pieces.lying_or_standing import MisplacedPiece

@@ -38,7 +38,7 @@ from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Captured, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece

@@ -27,7 +27,7 @@ from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from app.records.events import TroubleEvent
 from app.rig.arm import ArmAtRest, ArmGaveWay, ArmPaused, ArmStopped, Outcome
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.piece_set import Kind

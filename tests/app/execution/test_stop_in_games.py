@@ -24,7 +24,7 @@ from app.records.events import TroubleEvent
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from controller.wire.address import find_controller

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 
 

@@ -28,7 +28,7 @@ from app.players.remote import (
 )
 from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import ClockShown, RemoteShown, SessionShown
 from hardware.piece_set import Colour
 from tests.app.game.scripted_opponent import Script, ScriptedOpponent, Source, ends_when_asked, line_of

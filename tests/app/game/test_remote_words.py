@@ -11,7 +11,7 @@ from rich.console import Console
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.players.commands import Word, help_text
 from app.players.remote import Offer, OfferAnswered, Offered, RemoteEvent
-from app.terminal.interface import Conversation, Together, UserInterface
+from app.terminal.game_display import Conversation, Together, UserInterface
 from app.terminal.shown import RemoteShown
 from hardware.piece_set import Colour
 from tests.app.game.scripted_opponent import ScriptedOpponent, Source, ends_when_asked, line_of

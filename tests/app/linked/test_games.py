@@ -22,7 +22,7 @@ from app.play.session import Interrupted, SessionResult
 from app.records import PlyEvent
 from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from tests.app.linked.pair import SECRET
 from tests.waiting import PATIENCE

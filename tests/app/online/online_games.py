@@ -20,7 +20,7 @@ from app.play.session import SessionResult
 from app.records.events import PlyEvent
 from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.shown import ClockShown
 from tests.app.online.fake_lichess import TOKEN, FakeGame, FakeLichess, Temper
 

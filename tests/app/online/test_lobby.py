@@ -14,7 +14,7 @@ from app.online import launch, lobby
 from app.online.launch import account_here, client_of, run_online, upgrade
 from app.play.session import SessionResult
 from app.settings.defaults import OnlineUse
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from tests.app.online.fake_lichess import FakeLichess, Temper
 from tests.app.online.online_games import Person, QuickTime, recorded, settings, written_token

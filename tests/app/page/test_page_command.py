@@ -21,7 +21,7 @@ from app.cli import app
 from app.page.web.sign_in import PasswordHash
 from app.play.launch import run_games
 from app.settings.files import kept_settings, settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from tests.app.page.recorded.recorded_games import RecordedGame
 
 PASSWORD = "correct horse battery"

@@ -18,7 +18,7 @@ import pytest
 from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews, RemoteNews
 from app.page.publisher import KEPT, POINTS, PagePublisher
 from app.players.person import PersonGone
-from app.terminal.interface import Together, UserInterface
+from app.terminal.game_display import Together, UserInterface
 from app.terminal.shown import ClockShown, LookShown, PathShown, RemoteShown, SessionShown
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Pace

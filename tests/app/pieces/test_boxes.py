@@ -26,7 +26,7 @@ from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
 from app.settings.defaults import Settings
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters

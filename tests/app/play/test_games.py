@@ -17,7 +17,7 @@ from app.play.launch import resume_games, run_games
 from app.players.commands import CommandError, NewGame, parse_command, parse_new
 from app.settings.defaults import PlayerKind
 from app.settings.files import kept_settings, settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 
 MIDDLE = "r1bqkbnr/pppp1ppp/2n5/4p3/4P3/5N2/PPPP1PPP/RNBQKB1R w KQkq - 2 3"

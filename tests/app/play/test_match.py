@@ -22,7 +22,7 @@ from app.play.match import last_round
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from hardware.table import Captured, TableSettings
 

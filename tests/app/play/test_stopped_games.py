@@ -23,7 +23,7 @@ from app.records.events import TroubleEvent
 from app.rig.arm import ArmStopped, Outcome
 from app.rig.board import BoardArm
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from hardware.table import TableSettings
 from tests.waiting import until

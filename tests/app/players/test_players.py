@@ -16,7 +16,7 @@ import pytest
 from app.play.player_selection import engine_players
 from app.players.players import Decision, LinePlayer, Players
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from engine.errors import EngineFailed, EngineRefused
 from hardware.interfaces import Pace
 from tests.waiting import PATIENCE

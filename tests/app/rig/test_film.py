@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from app import UserError
 from app.records.files import FILM_FILE, TRAJECTORY_FILE
-from app.records.film import film_begins
+from app.records.film_start import film_begins
 from app.rig.simulation.film import (
     FilmFailed,
     FilmWish,

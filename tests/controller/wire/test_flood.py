@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.protocol.datagram_fields import (
     CHALLENGE,
     COMMAND,

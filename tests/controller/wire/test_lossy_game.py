@@ -10,7 +10,7 @@ import pytest
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.game_display import UserInterface
 from controller.wire.client import ControllerClient
 from hardware.interfaces import Pace
 

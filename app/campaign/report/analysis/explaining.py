@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, norm, rankdata
 
-from app.campaign.report.analysis.ranges import DrawnRange
+from app.campaign.report.analysis.conditions import DrawnRange
 from app.campaign.report.analysis.statistics import (
     SIGNIFICANT,
     Flags,

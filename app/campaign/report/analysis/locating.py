@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.campaign.report.analysis.comparing import GameMatch, MetricChange, figure_test, known
+from app.campaign.report.analysis.conditions import drawn_ranges
 from app.campaign.report.analysis.explaining import (
     Association,
     GroupFigure,
@@ -18,7 +19,6 @@ from app.campaign.report.analysis.explaining import (
     where_a_change_sits,
 )
 from app.campaign.report.analysis.metrics import Metric, MetricSort, mean_by_game
-from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows, Words
 from app.campaign.report.analysis.statistics import Flags, Numbers
 

@@ -15,9 +15,9 @@ from app.campaign.environment import CampaignEnvironment
 from app.campaign.folder import KeptCampaign
 from app.campaign.report.analysis import comparing
 from app.campaign.report.analysis.comparing import matched, with_the_same_plies
+from app.campaign.report.analysis.conditions import drawn_ranges
 from app.campaign.report.analysis.explaining import explained
 from app.campaign.report.analysis.metrics import FAILED
-from app.campaign.report.analysis.ranges import drawn_ranges
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
 from app.campaign.report.findings import CampaignComparison, compared
 from app.campaign.report.sentences import comparison_lead, comparison_sentences

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from app.records import PlyEvent
-from app.terminal.interface import Conversation, Terminal, UserInterface, board_text
+from app.terminal.game_display import Conversation, Terminal, UserInterface, board_text
 
 
 def event(**changes) -> PlyEvent:
