@@ -75,7 +75,8 @@ def arm_well(
         torque: of the last exchange [N m].
 
     Returns:
-        1 where nothing is beyond any limit, not even for a while; else 0, and nothing has changed.
+        1 where nothing is beyond any limit, not even for a while; else, and where anything is no number, 0, and nothing
+        has changed.
     """
     squared = 0.0
     for i in range(3):
@@ -89,12 +90,16 @@ def arm_well(
     press = math.sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
     if not (math.sqrt(squared) <= memory[_TOOL_SPEED] and press <= memory[_PRESS]):
         return 0
-    if not (max(tactile[0], tactile[1]) <= memory[_TACTILE] and min(tactile[0], tactile[1]) <= memory[_GRIP]):
+    borne = (
+        tactile[0] <= memory[_TACTILE] and tactile[1] <= memory[_TACTILE]
+    )  # a maximum might pass over what is no number
+    if not (borne and min(tactile[0], tactile[1]) <= memory[_GRIP]):
         return 0
     a = memory[_SQUARES] + memory[_SHARE] * (torque[0] * torque[0] - memory[_SQUARES])
     b = memory[_SQUARES + 1] + memory[_SHARE] * (torque[1] * torque[1] - memory[_SQUARES + 1])
     c = memory[_SQUARES + 2] + memory[_SHARE] * (torque[2] * torque[2] - memory[_SQUARES + 2])
-    if not max(a, b, c) <= memory[_RMS] * memory[_RMS]:
+    most = memory[_RMS] * memory[_RMS]
+    if not (a <= most and b <= most and c <= most):
         return 0
     memory[_SQUARES], memory[_SQUARES + 1], memory[_SQUARES + 2] = a, b, c
     return 1

@@ -13,7 +13,7 @@ from controller.model.state import POSITION, VELOCITY, blank_state
 from controller.protection.encoders import ENCODERS_SIZE, Encoders, watch_encoders
 from controller.protection.limits import check_joints, check_tracking, default_limits
 from controller.protection.monitor import MeanTorque, Protection
-from controller.protection.screening import Screen, arm_well, joints_well
+from controller.protection.screening import _SQUARES, Screen, arm_well, joints_well
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
@@ -53,6 +53,11 @@ def triple(*limits: float) -> st.SearchStrategy[tuple[float, float, float]]:
 @example(ZERO, ZERO, 4900.0, ZERO, ZERO, (math.nextafter(LIMITS.tactile, math.inf), 0.0), ZERO, 0.0)
 @example(ZERO, ZERO, 4900.0, ZERO, ZERO, (LIMITS.grip_force + 1e-9, LIMITS.grip_force + 1e-9), ZERO, 0.0)
 @example(ZERO, ZERO, 4900.0, ZERO, ZERO, (0.0, 0.0), (0.0, 0.0, 8.4), LIMITS.rms_torque**2)
+@example(ZERO, ZERO, 4900.0, ZERO, ZERO, (0.0, 0.0), (8.4, 0.0, math.nan), 0.0)
+@example(ZERO, ZERO, 4900.0, ZERO, ZERO, (LIMITS.grip_force, math.nan), ZERO, 0.0)
+@example(
+    (0.0, 0.15, 0.15), (0.002, 0.002, 0.0), 0.0, ZERO, (0.0, 30.0, 0.0), (40.0, 15.0), (2.4, 4.0, 0.0), 2.4**2 - 1e-3
+)
 def test_an_arm_is_well_exactly_where_every_check_is_silent(
     offset: tuple[float, float, float], error: tuple[float, float, float], stiffness: float,
     velocity: tuple[float, float, float], force: tuple[float, float, float], tactile: tuple[float, float],
@@ -76,13 +81,14 @@ def test_an_arm_is_well_exactly_where_every_check_is_silent(
     )
     # a NaN among force, pads or torques is none of these checks' business: measurements and torques are seen before
     if not all(map(math.isfinite, (*force, *tactile, *torque))):
-        assert not screen.arm(state, row, force, tactile, torque) or not any(found)
+        assert not screen.arm(state, row, force, tactile, torque), "whoever is asked then looks closer"
+        np.testing.assert_array_equal(screen.squares, before)
         return
     well = screen.arm(state, row, force, tactile, torque)
     assert well is (not any(found))
     np.testing.assert_array_equal(screen.squares, mean.squares if well else before)
     memory = screen._memory.copy()
-    memory[26:29] = warmth
+    memory[_SQUARES:] = warmth
     assert getattr(arm_well, "py_func", arm_well)(memory, state, row, force, tactile, torque) == int(well)  # type: ignore[attr-defined]
 
 
