@@ -12,6 +12,7 @@ from app.analysis.files import AnalysisFiles, files_in, write_analyses
 from app.analysis.game_analysis import AnalysedGame, analysis_of
 from app.analysis.model import Analyses, GameAnalysis
 from app.analysis.sources import game_of_record, games_of_pgn
+from app.players.ending import plies_in_words
 from app.records.files import recording
 from app.records.rounds import match_folder, rounds_of
 from engine.stockfish import Engine
@@ -55,7 +56,7 @@ def analyse_games(
             pairs = []
             for game in games:
                 number = len(found) + 1
-                told(f"game {number} of {count}: {game.white} - {game.black}, {len(game.moves)} plies")
+                told(f"game {number} of {count}: {game.white} - {game.black}, {plies_in_words(len(game.moves))}")
                 found.append(_analyse(engine, settings, game))
                 pairs.append((game, found[-1]))
             write_analyses(files, pairs)

@@ -66,6 +66,7 @@ def show_game(
     from rich.text import Text
 
     from app import UserError
+    from app.players.ending import plies_in_words
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
@@ -85,7 +86,8 @@ def show_game(
             audience.end(f"the program was interrupted{more}")
             fail(f"interrupted; the arm is at rest, and nothing that this program started is still running{more}", 130)
         report = result.report
-        ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
+        played = f"result {report.result}, {plies_in_words(report.plies)}"
+        ended = f"{report.exit_reason}, {played}; record in {result.folder}"
         audience.end(ended)
     if as_json:
         print(report.model_dump_json(indent=2))

@@ -16,7 +16,7 @@ from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
 from app.game.remote_turn import RemoteTurn
 from app.game.timing import Timing
-from app.players.ending import GameEnd, Result
+from app.players.ending import GameEnd, Result, plies_in_words
 from app.players.person import Human, Lines
 from app.players.players import Decision, Players
 from app.players.remote import RemoteOpponent
@@ -113,7 +113,7 @@ class Game:
             end = GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
             return end if self._remote is None else self._remote.confirmed(end)
         if done:
-            return GameEnd(self._result or "*", f"{plies} plies played", True)
+            return GameEnd(self._result or "*", f"{plies_in_words(plies)} played", True)
         known = None if self._remote is not None else self._players.adjudicated(board)
         return None if known is None else GameEnd(known, "known from the endgame tables", True)
 

@@ -24,6 +24,7 @@ from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
 from app.play.vision_setup import believed_camera, believed_view, looks, session_vision
 from app.players.advice import Adviser, Advisers
+from app.players.ending import plies_in_words
 from app.players.person import Human, Lines
 from app.practice.coach import Coach
 from app.practice.repertoire import RepertoireAdviser, load_repertoire
@@ -106,7 +107,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         shown = show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and is_over(history, games.most(number)) and games(number + 1, None) is None:
-            raise UserError(f"the game in {path} is over after {len(history.plies)} plies: start a new one")
+            raise UserError(f"the game in {path} is over after {plies_in_words(len(history.plies))}: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
         require_world(rig_setup, folder, history)

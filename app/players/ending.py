@@ -10,6 +10,11 @@ from app.players.commands import NewGame
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 
 
+def plies_in_words(count: int) -> str:
+    """How many half-moves, in words."""
+    return "1 ply" if count == 1 else f"{count} plies"
+
+
 @dataclass(frozen=True, slots=True)
 class GameEnd:
     """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted, like

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from app.pieces.inventory import MoveKind
+from app.players.ending import plies_in_words
 from app.records import PlyEvent
 from app.records.events import own_clock
 from app.report.figures_of_plies import KINDS, DataTable, ply_name, seconds
@@ -40,11 +41,7 @@ def moves_table(plies: Sequence[PlyEvent]) -> Html:
     table = scrolling(
         DataTable(columns, rows).html("All plies, with their times in plant time"), "All moves", "tall moves"
     )
-    return joined([tag("p", f"{_plies(len(plies))}: {lead}."), table])
-
-
-def _plies(count: int) -> str:
-    return "1 ply" if count == 1 else f"{count} plies"
+    return joined([tag("p", f"{plies_in_words(len(plies))}: {lead}."), table])
 
 
 def _most(values: Iterable[float | None], digits: int) -> str:

@@ -245,6 +245,10 @@ def test_nobody_at_the_keyboard_leaves_a_game_that_goes_on(tmp_path: Path) -> No
     assert moves_of(tmp_path / "game")[::2] == ["e4", "d4"]
 
 
+def test_one_ply_is_not_called_plies(tmp_path: Path) -> None:
+    assert play(tmp_path / "game", game__moves="e4").report.exit_reason == "1 ply played"
+
+
 def test_what_only_devices_need_is_not_loaded_for_a_prompt() -> None:
     """So that the rig without devices asks for the first move within three seconds on a slow machine, too."""
     heavy = ("numba", "mujoco", "scipy", "cv2", "pyrealsense2", "av", "matplotlib")

@@ -17,7 +17,7 @@ export function gameList(games, open) {
       make('th', {scope: 'row'}, button),
       make('td', {}, game.began ? WHEN.format(new Date(game.began)) : ''),
       make('td', {}, game.result ?? ''),
-      make('td', {}, `${game.plies} plies`),
+      make('td', {}, game.plies === 1 ? '1 ply' : `${game.plies} plies`),
       make('td', {class: 'tm-wide'}, extras),
     );
   });
