@@ -37,6 +37,9 @@ GRIPPER_BODY_CLEARANCE = 0.052
 """Underside of the gripper's body above the pads' centre [m]: a king beside a gripped pawn must fit below it."""
 FINGER_HALF_WIDTH = 0.006
 """Of the finger's bar, across the finger axis [m]."""
+AWAKE = 0.001
+"""What comes so near to the tool does not sleep [m]: a piece that leans on a finger trembles, touches it in three ticks
+of four, and asleep would stay askew when the finger goes."""
 
 PAD_SOLREF = (0.004, 1.0)
 PAD_SOLIMP = (0.97, 0.99, 0.0003, 0.5, 2.0)
@@ -140,7 +143,7 @@ def _add_pad(finger: mujoco.MjsBody, parameters: RobotParameters, side: int) -> 
             name=f"pad_{'a' if sign > 0 else 'b'}_{'right' if side > 0 else 'left'}",
             type=mujoco.mjtGeom.mjGEOM_BOX, size=[pads.back / 2.0, face / 2.0, pads.half_height],
             pos=[centre[0], centre[1], 0.0], quat=[math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)],
-            contype=TOOL_BITS, conaffinity=SCENE_BITS, friction=[pads.friction, 0.005, 0.0001], priority=1,
+            contype=TOOL_BITS, conaffinity=SCENE_BITS, gap=AWAKE, friction=[pads.friction, 0.005, 0.0001], priority=1,
             condim=4, solref=list(PAD_SOLREF), solimp=list(PAD_SOLIMP), rgba=[0.95, 0.95, 0.92, 1.0], mass=0.0,
         )  # fmt: skip
 
@@ -159,7 +162,8 @@ def _add_finger(platform: mujoco.MjsBody, parameters: RobotParameters, side: int
     depth = pads.half_width * math.tan(pads.groove_angle)
     top = GRIPPER_BODY_CLEARANCE
     finger.add_geom(
-        name=f"bar_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, contype=TOOL_BITS, conaffinity=SCENE_BITS, mass=0.0,
+        name=f"bar_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, mass=0.0,
+        contype=TOOL_BITS, conaffinity=SCENE_BITS, gap=AWAKE,
         size=[pads.back / 2.0, FINGER_HALF_WIDTH, (top + pads.half_height) / 2.0],
         pos=[side * (depth + pads.back / 2.0), 0.0, (pads.half_height - top) / 2.0], rgba=[0.35, 0.36, 0.38, 1.0],
     )  # fmt: skip
@@ -177,12 +181,12 @@ def _add_platform(base: mujoco.MjsBody, parameters: RobotParameters) -> None:
     platform.add_geom(
         name="flange", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[g.flange_radius - 0.006, 0, 0], mass=0.0,
         fromto=[0, 0, -g.gripper_height - 0.006, 0, 0, -g.gripper_height], rgba=[0.75, 0.76, 0.78, 1.0],
-        contype=TOOL_BITS, conaffinity=SCENE_BITS,
+        contype=TOOL_BITS, conaffinity=SCENE_BITS, gap=AWAKE,
     )  # fmt: skip
     platform.add_geom(
         name="gripper_body", type=mujoco.mjtGeom.mjGEOM_BOX, size=list(GRIPPER_BODY_HALF), mass=0.0,
         pos=[0.0, 0.0, -GRIPPER_BODY_CLEARANCE - GRIPPER_BODY_HALF[2]], rgba=[0.15, 0.16, 0.18, 1.0],
-        contype=TOOL_BITS, conaffinity=SCENE_BITS,
+        contype=TOOL_BITS, conaffinity=SCENE_BITS, gap=AWAKE,
     )  # fmt: skip
     platform.add_site(name="tool", rgba=[0, 0, 0, 0])
     for arm, angle in enumerate(ARM_ANGLES):
