@@ -483,6 +483,7 @@ def test_a_piece_that_leant_on_a_finger_does_not_sleep_askew_when_it_goes(seed: 
     body = plant.data.body(queen.spec.name)
     run(plant, fingers(-0.02), int(rng.integers(0, 600)))
     run(plant, fingers(0.0), 800)
+    assert all(one.exclude or one.dist < 0.0 for one in plant.data.contact), "nothing is felt from a distance"
     leant = math.degrees(math.acos(body.xmat[8]))
     run(plant, fingers(0.03), 900)
     assert 10.0 < leant < 30.0
