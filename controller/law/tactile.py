@@ -93,7 +93,7 @@ def admittance(
 
 
 def least_contact_damping(
-    parameters: RobotParameters, mass: float, damping: float, gain: float, friction_and_stiffness: float
+    parameters: RobotParameters, mass: float, damping: float, gain: float, contact_stiffness: float
 ) -> float:
     """Damping that a contact with a fixed object needs, so that the loop with k* does not chatter on it [N s/m].
 
@@ -108,14 +108,14 @@ def least_contact_damping(
         mass: m, task-space inertia along z1 [kg].
         damping: k_v of z1 [1/s].
         gain: k* [1/kg].
-        friction_and_stiffness: K [N/m].
+        contact_stiffness: K [N/m].
     """
     k_s, inverse = parameters.tactile.bandwidth, 1.0 / mass
     # Routh's condition as a c² + b c + e > 0
     a = inverse * k_s * (inverse + gain)
-    b = (k_s + damping) * k_s * (inverse + gain) + inverse * (k_s * damping + friction_and_stiffness * inverse)
-    e = (k_s + damping) * (k_s * damping + friction_and_stiffness * inverse)
-    e -= k_s * friction_and_stiffness * (inverse + gain)
+    b = (k_s + damping) * k_s * (inverse + gain) + inverse * (k_s * damping + contact_stiffness * inverse)
+    e = (k_s + damping) * (k_s * damping + contact_stiffness * inverse)
+    e -= k_s * contact_stiffness * (inverse + gain)
     if e > 0.0:
         return 0.0
     return (-b + math.sqrt(b * b - 4.0 * a * e)) / (2.0 * a)

@@ -90,9 +90,8 @@ def arm_well(
     press = math.sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
     if not (math.sqrt(squared) <= memory[_TOOL_SPEED] and press <= memory[_PRESS]):
         return 0
-    borne = (
-        tactile[0] <= memory[_TACTILE] and tactile[1] <= memory[_TACTILE]
-    )  # a maximum might pass over what is no number
+    # one by one here and below: a maximum might pass over what is no number
+    borne = tactile[0] <= memory[_TACTILE] and tactile[1] <= memory[_TACTILE]
     if not (borne and min(tactile[0], tactile[1]) <= memory[_GRIP]):
         return 0
     a = memory[_SQUARES] + memory[_SHARE] * (torque[0] * torque[0] - memory[_SQUARES])
