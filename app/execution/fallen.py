@@ -11,9 +11,10 @@ import chess
 import numpy as np
 
 from app.execution.repair import Ask, Repair, Whereabouts
+from app.execution.repair.diagnosis import missing_ask
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
-from hardware.table import Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import PUT_BY
 from vision.pieces.placement_faults import TOLERANCE, Fault, FaultKind
@@ -120,12 +121,22 @@ def leaning(
     return Leaning(spots, fallen, tuple(misplaced()), otherwise)
 
 
-def whereabout(one: MisplacedPiece, table: TableSettings) -> str:
-    """Where a piece is, for people."""
+def bounced_out(
+    spots: Sequence[Point], dropped: Sequence[PieceSpec], misplaced: Sequence[MisplacedPiece], stands: Inventory
+) -> Leaning:
+    """Something lies at spots [m], and is not found to be one of the pieces that were let go over their boxes."""
+    ask = missing_ask(dropped)
+    where = " and ".join(dict.fromkeys(whereabout(spot, stands.table) for spot in spots))
+    sentence = f"something lies {where} that may have bounced out of a box: if so, {ask.sentence.partition(': ')[2]}"
+    return Leaning(tuple(spots), frozenset(), tuple(misplaced), replace(ask, sentence=sentence))
+
+
+def whereabout(at: Point, table: TableSettings) -> str:
+    """Where a point of the board frame [m] is, for people."""
     half = 4.0 * table.square
-    if max(abs(one.pose.x), abs(one.pose.y)) > half:
+    if max(map(abs, at)) > half:
         return "beside the board"
-    file, rank = (int((c + half) / table.square) for c in (one.pose.x, one.pose.y))
+    file, rank = (int((c + half) / table.square) for c in at)
     return f"on {square_place(chess.square(min(file, 7), min(rank, 7)))}"
 
 

@@ -225,6 +225,10 @@ class GameObserver(FreshFrames):
             self._sighted = asked, sightings_of(*asked[:2], expected, around_board(self.view, trays=True))
         return self._sighted[1]
 
+    def strange(self, stands: Inventory) -> tuple[tuple[float, float], ...]:
+        """Where something is in the newest frame that no piece explains, board frame [m]; nothing without depth."""
+        return self._sightings(stands).strange if self.deep else ()
+
     def has_fallen_in(self, place: Place) -> bool:
         """Whether something has come into the box of a place since the position was last known, as far as is seen."""
         known, now = self._boxes_known, KnownPicture(self.last, self.view)

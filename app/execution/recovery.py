@@ -18,7 +18,17 @@ import numpy as np
 from app import UserError
 from app.execution.carrier import Carrier
 from app.execution.clearing import Clearing
-from app.execution.fallen import MOST_TRIES, SWUNG_AFTER, Fallen, Leaning, leaning, unaided, whereabout, with_missing
+from app.execution.fallen import (
+    MOST_TRIES,
+    SWUNG_AFTER,
+    Fallen,
+    Leaning,
+    bounced_out,
+    leaning,
+    unaided,
+    whereabout,
+    with_missing,
+)
 from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
@@ -133,7 +143,7 @@ class Recovery:
                 faults, step = self._decide(stands, wanted, board)
                 if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
                     return RecoveryResult(stands, rounds, duration, answered=True)
-                if not isinstance(step, Ask):
+                if not isinstance(step, Ask | Leaning):
                     break
             if step is None:
                 self._lost.all_right(stands)
@@ -170,11 +180,14 @@ class Recovery:
         self._lost.look_into_boxes(wanted, self.observer.has_fallen_in)
         # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
         handled = self._stood_up | self._clearing.pushed.keys()
-        look_closer = bool(found.faults or handled or self._lost.names) or board is not None
+        # what was let go over a box may have bounced out, and lie where nobody looks for it
+        dropped = self._lost.dropped(stands)
+        strange = self.observer.strange(stands) if dropped else ()
+        look_closer = bool(found.faults or handled or self._lost.names or strange) or board is not None
         seen = self.observer.whereabouts(stands) if look_closer else None
         # a second's search: once a look, and only where it is needed
         foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
-        out = boxed(stands) if foreign and self.observer.deep else []
+        out = boxed(stands) if (foreign or strange) and self.observer.deep else []
         misplaced = cache(lambda: self.observer.misplaced(stands, out, seen))
         sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
         # what lies against something else may be no thing of its own to depth
@@ -188,6 +201,8 @@ class Recovery:
         if not found.faults:
             rest, gone = rearrange(stands, wanted), self._lost.astray(stands)
             last = missing_ask(gone) if gone else None
+            if strange and alone is None:
+                return (), bounced_out(strange, dropped, tuple(misplaced()), stands)
             return (), alone or (Repair(stands, rest, "the arm continues") if rest else last)
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
@@ -285,7 +300,8 @@ class Recovery:
             return stands, 0.0, None
         (name, why), table = refusals[0], stands.table
         one = next(one for one in step.misplaced if one.piece.name == name)
-        lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {whereabout(one, table)}"
+        where = whereabout((one.pose.x, one.pose.y), table)
+        lies = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies {where}"
         back = "put it back into its box" if one.target.in_box else f"stand it on {one.target}"
         return stands, 0.0, cleared or Ask(f"{lies}, and {why}: {back}", squares_of(faults))
 
@@ -355,7 +371,7 @@ class Recovery:
         told = self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
         self.observer.tell(told)
-        self._lost.forget((*step.names, *(piece.name for piece in astray)))
+        self._lost.told((*step.names, *(piece.name for piece in astray)))
         self._tried.clear()
         self._swung.clear()
         self._note(faults, "person", self._clock.now())

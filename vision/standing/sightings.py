@@ -28,6 +28,13 @@ _CELL: Final = 0.0015  # side of the cells into which points fall, seen from abo
 _CEILING: Final = 0.07  # nothing that stands is higher [m]
 _WALL: Final = 0.008  # depth is off by millimetres, and fat at edges: so much wider may a box look [m]
 _LEAST_POINTS: Final = 60  # smaller clusters are noise [px]
+_BEYOND_FOOT: Final = 0.005  # depth shows no piece that stands further beyond its foot than this [m]
+_ABOUT: Final = 0.016  # what stands so near to a piece's place is that piece [m]
+_FINE: Final = 0.0005  # side of the cells in which is drawn what pieces explain [m]
+_LOW: Final = 0.008  # nothing that is so high is the board [m]: what lies is twice as high
+_STRANGE: Final = 40
+"""What no piece explains is at least as many pixels: where nothing strange was there were 23 at most in 240 pictures of
+tables with squares of 40 to 54 mm; where a piece lay, anywhere or just beside another, 39 or more in 162 of 162."""
 _WIDEST: Final = 0.013
 """A cluster that reaches further from its middle, but for single points, is no one piece that stands [m]."""
 _STRAY: Final = 0.92  # of a cluster's points so many are within that, and below its top: single points fly
@@ -98,6 +105,8 @@ class Sightings:
     all: tuple[Sighting, ...]  # that stands or lies there
     hidden: frozenset[Place]
     """Places of expected pieces that something else hides, so that nobody can say whether they are there."""
+    strange: tuple[tuple[float, float], ...] = ()
+    """Where so much rises that no expected piece explains it, board frame (x, y) [m]."""
 
 
 def sightings_of(
@@ -118,7 +127,8 @@ def sightings_of(
     flat, each = points.reshape(-1, 3), clusters(points, view, beside)
     found = [_sighted(flat[mine], float(np.median(whiter[mine]))) for mine in each]
     found = _lit(_unbiased(found, fit), each, frame, view, fit.part)
-    return Sightings(tuple(found), frozenset(hidden_places(frame, view, expected)))
+    strange = _strange(points, found, fit, view, beside)
+    return Sightings(tuple(found), frozenset(hidden_places(frame, view, expected)), strange)
 
 
 def together(looks: Sequence[Sightings]) -> Sightings:
@@ -130,7 +140,7 @@ def together(looks: Sequence[Sightings]) -> Sightings:
         height = math.fsum(was.height for was in same) / len(same)
         breadth = math.fsum(was.breadth for was in same) / len(same)
         averaged.append(replace(one, height=height, breadth=breadth))
-    return Sightings(tuple(averaged), newest.hidden)
+    return Sightings(tuple(averaged), newest.hidden, newest.strange)
 
 
 def rough_sightings(frame: Frame, view: BoardView, beside: tuple[float, float]) -> list[Sighting]:
@@ -174,16 +184,19 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
     return np.unique(v[within] * w + u[within])
 
 
-def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
-    """Indices of pixels, counted row by row, of each thing that rises from the table, on the board or so far beside it
-    along x and along y [m], but not in a box; pixels show points of the board frame (h, w, 3) [m].
+def clusters(
+    points: Field, view: BoardView, beside: tuple[float, float], *, above: float = TALL, least: int = _LEAST_POINTS
+) -> list[Whole]:
+    """Indices of pixels, counted row by row, of each thing that rises ``above`` a height over the table [m], on the
+    board or so far beside it along x and along y [m], but not in a box, and shows in as many pixels; these show points
+    of the board frame (..., 3) [m].
     """
     half = 4.0 * view.table.square + np.array(beside)
     within = (np.abs(points[..., :2]) < half).all(axis=-1)  # false where depth is unknown
     for box in view.table.boxes():  # what is in there, nobody can tell
         middle, wide = (box.x, box.y), np.array((box.half_x, box.half_y)) + box.wall + _WALL
         within &= (np.abs(points[..., :2] - middle) > wide).any(axis=-1)
-    up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
+    up: Mask = within & (points[..., 2] > above) & (points[..., 2] < _CEILING)
     if not up.any():
         return []
     at = np.floor((points[up][:, :2] + half) / _CELL).astype(np.intp)
@@ -196,7 +209,33 @@ def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> lis
     order = np.argsort(label, kind="stable")
     found, starts = np.unique(label[order], return_index=True)
     each = np.split(np.flatnonzero(up).astype(np.int32)[order], starts[1:])
-    return [mine for number, mine in zip(found.tolist(), each, strict=True) if number and mine.size >= _LEAST_POINTS]
+    return [mine for number, mine in zip(found.tolist(), each, strict=True) if number and mine.size >= least]
+
+
+def _strange(
+    points: Field, found: Sequence[Sighting], fit: Fit, view: BoardView, beside: tuple[float, float]
+) -> tuple[tuple[float, float], ...]:
+    """Where things rise beyond the feet of all that stands about where it is expected, as its outline or depth shows;
+    what is in its place in a tray and is not seen to stand, as at the picture's edge, explains all that is about there.
+    """
+    spots = list[tuple[float, float, float]]()  # (x, y) and how far around it all is explained
+    for place, kind, outline in zip(fit.stands, fit.kinds, fit.places.tolist(), strict=True):
+        middle, foot = view.table.xy(place), PIECE_SHAPES[kind].foot_radius
+        there = [(one.x, one.y) for one in found if one.upright and math.dist((one.x, one.y), middle) < _ABOUT]
+        spots += [(x, y, foot + _BEYOND_FOOT) for x, y in (outline, *there)]
+        if place.in_tray and not there:
+            spots.append((*middle, foot + _ABOUT))
+    half = 4.0 * view.table.square + np.array(beside)
+    size = np.ceil(2.0 * half / _FINE).astype(int)
+    explained = np.zeros((size[0] + 1, size[1] + 1), dtype=np.uint8)
+    for x, y, reach in spots:
+        u, v, radius = (round(along / _FINE) for along in (x + half[0], y + half[1], reach))
+        cv2.circle(explained, (v, u), radius, 1, thickness=-1)
+    high = points[points[..., 2] > _LOW]  # false where depth is unknown
+    at = np.clip(np.rint((high[:, :2] + half) / _FINE).astype(np.intp), 0, size)
+    rest = high[explained[at[:, 0], at[:, 1]] == 0]
+    middles = (rest[mine, :2].mean(axis=0) for mine in clusters(rest, view, beside, above=_LOW, least=_STRANGE))
+    return tuple((float(x), float(y)) for x, y in middles)
 
 
 def _sighted(points: Field, white: float) -> Sighting:

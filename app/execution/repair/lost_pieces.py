@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Set
 
 from app.execution.interruption import CarryFailed, Loss
@@ -22,8 +21,8 @@ class LostPieces:
         self._astray = dict[str, bool]()
         """Those that were to go into boxes, and are not known to be in there; and whether they were on their way, and
         nothing had been dropped into the box since the board was last right."""
-        self._held: Counter[str] | None = None
-        """So many pieces were in each box when the board was last right; None: it has not been, as far as is known."""
+        self._held: frozenset[str] | None = None
+        """Those that were in boxes when the board was last right; None: it has not been, as far as is known."""
 
     @property
     def names(self) -> Set[str]:
@@ -38,7 +37,9 @@ class LostPieces:
         if failure.over_box:
             self._boxed.add(name)
         elif target.in_box:
-            alone = self._held is not None and _held(failure.inventory)[target.zone] == self._held[target.zone]
+            alone = self._held is not None and not any(
+                piece.place.zone == target.zone for piece in self.dropped(failure.inventory)
+            )
             self._astray[name] = alone and failure.loss is Loss.LOST  # what was not gripped may have been knocked over
 
     def forget(self, names: Iterable[str]) -> None:
@@ -51,7 +52,17 @@ class LostPieces:
     def all_right(self, stands: Inventory) -> None:
         """Nothing is lost any more; this is what stands where."""
         self.forget(tuple(self._names))
-        self._held = _held(stands)
+        self._held = frozenset(piece.name for piece in stands if piece.place.in_box)
+
+    def dropped(self, stands: Inventory) -> list[PieceSpec]:
+        """Those let go over boxes since the board was last right: one may have bounced out."""
+        return [piece for piece in stands if piece.place.in_box and piece.name not in (self._held or ())]
+
+    def told(self, names: Iterable[str]) -> None:
+        """Somebody has been asked for these, and says that they are where they should be."""
+        names = tuple(names)
+        self.forget(names)
+        self._held = (self._held or frozenset()).union(names)
 
     def look_into_boxes(self, wanted: Inventory, has_fallen_in: Callable[[Place], bool]) -> None:
         """Of those on their way to a box one may be seen to have come into it, where nothing else has been dropped into
@@ -81,7 +92,3 @@ class LostPieces:
     def astray(self, stands: Inventory) -> list[PieceSpec]:
         """Those that are believed in boxes, and were not seen to come into them."""
         return [one for name in sorted(self._astray) if (one := stands.find(name)).place.in_box]
-
-
-def _held(stands: Inventory) -> Counter[str]:
-    return Counter(piece.place.zone for piece in stands if piece.place.in_box)

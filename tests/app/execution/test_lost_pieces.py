@@ -97,3 +97,17 @@ def test_what_is_carried_again_or_brought_back_is_lost_no_more(pieces: LostPiece
     pieces.forget([name])
     assert not pieces.names
     assert astray(pieces, after(d7=BOX), seen=False) == []
+
+
+def test_what_was_let_go_over_a_box_may_have_bounced_out_until_the_board_is_right(pieces: LostPieces) -> None:
+    stands = after(d7=BOX)
+    assert [piece.place for piece in pieces.dropped(stands)] == [BOX]
+    pieces.told([pieces.dropped(stands)[0].name])
+    assert not pieces.dropped(stands), "somebody has looked"
+    assert [piece.place for piece in pieces.dropped(after(d7=BOX, e7=SAME_BOX))] == [SAME_BOX]
+    pieces.all_right(after(d7=BOX, e7=SAME_BOX))
+    assert not pieces.dropped(after(d7=BOX, e7=SAME_BOX))
+
+
+def test_after_a_start_all_that_boxes_should_hold_may_lie_about() -> None:
+    assert len(LostPieces().dropped(after(d7=BOX, e7=SAME_BOX))) == 2

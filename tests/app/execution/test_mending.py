@@ -60,6 +60,8 @@ class Paper:
         """By number of the transfer, from 0: where its piece ends up; None: gone."""
         self.falls: dict[int, Place] = {}
         """The same, of pieces that lie near such a square."""
+        self.bounces: dict[int, Place] = {}
+        """The same, of pieces that come out of their boxes again, and nobody notices."""
         self.lying: dict[str, tuple[PieceSpec, Place]] = {}
         self.hidden = self.in_box = False
         """Something hides the square of what is gone; something is in the box that was not."""
@@ -112,8 +114,11 @@ class Paper:
                 self.carried += 1
                 self.put(transfer.name, None)
                 raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
-            self.carried += 1
             self.put(transfer.name, transfer.target)
+            if self.carried in self.bounces:
+                self.lying[transfer.name] = self.truth.find(transfer.name), self.bounces.pop(self.carried)
+                self.put(transfer.name, None)
+            self.carried += 1
             done = done.moved(transfer)
         if self.answer is not None:
             answer, self.answer = self.answer, None
@@ -191,10 +196,14 @@ class Paper:
             return None
         standing = {piece.name: TABLE.xy(piece.place) for piece in self.truth if not piece.place.in_box}
         gone = (piece for piece in stands if piece.place.on_board and piece.name not in standing)
-        return Whereabouts(standing, frozenset(), tuple(piece for piece in gone if not self.hidden))
+        moved = {piece.name for piece in self.truth if piece.name in standing and stands.find(piece.name) != piece}
+        return Whereabouts(standing, frozenset(moved), tuple(piece for piece in gone if not self.hidden))
 
     def has_fallen_in(self, place: Place) -> bool:
         return self.in_box
+
+    def strange(self, stands: Inventory) -> tuple[tuple[float, float], ...]:
+        return tuple(TABLE.xy(place) for name, (_, place) in self.lying.items() if stands.find(name).place.in_box)
 
     def misplaced(self, stands: Inventory, besides: Sequence[PieceSpec] = (), seen: Any = None) -> list[MisplacedPiece]:
         if self.blind:
@@ -502,6 +511,35 @@ def test_what_was_lost_before_it_was_over_its_box_may_be_in_it(
         paper.hidden = hidden
         table.arm_ply(capture)
         assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize(("blind", "stirred"), [(0, 0), (1, 0), (LOOKS, 1), (99, 6)])
+def test_what_bounces_out_of_its_box_is_found_where_it_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, blind: int, stirred: int
+) -> None:
+    """The arm let it go where it should: all squares are as they should be, and only that something lies tells. What
+    cannot be told is pushed, and only then asked for."""
+    monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=Captured.BOX))
+    table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    capture = chess.Move.from_uci("e4d5")
+    paper.bounces[0], paper.blind = Place.parse("h4"), blind
+    asked = pytest.raises(NeedsHand, match="lies on h4 that may have bounced out of a box: if so, put the black pawn")
+    with record, asked if stirred > 1 else nullcontext():
+        table.arm_ply(capture)
+        assert same(paper.truth, table.inventory)
+    assert (paper.stood_up, paper.stirred) == (0 if stirred > 1 else 1, stirred)
+
+
+def test_nobody_is_asked_twice_for_what_they_say_is_in_its_box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something else may lie there, which is no piece."""
+    monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=Captured.BOX))
+    table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    monkeypatch.setattr(Unattended, "mend", lambda self, sentence, squares, stands: paper.asked.append(sentence) or {})
+    monkeypatch.setattr(paper, "strange", lambda stands: (TABLE.xy(Place.parse("h4")),))
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e4d5"))
+        assert table.arm_ply(chess.Move.from_uci("e8d8"))
+    assert len(paper.asked) == 1
 
 
 def test_what_was_lost_beside_its_box_is_asked_for_whatever_else_is_missing(
