@@ -239,19 +239,22 @@ def test_a_light_pawn_in_a_dark_ones_place_is_not_that_one_whatever_the_light(sh
     assert [piece.name for piece in found.missing] == [other.name]
 
 
+@pytest.mark.parametrize(("bright", "dark", "spread"), [(160.0, 15.0, 5.0), (27.0, 3.0, 1.5)], ids=["day", "night"])
 @pytest.mark.parametrize("side", list(Colour))
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_as_dark_as_its_own_side_is_not_taken_for_one_that_fell(side: Colour, seed: int) -> None:
+def test_what_is_as_dark_as_its_own_side_is_not_taken_for_one_that_fell(
+    side: Colour, seed: int, bright: float, dark: float, spread: float
+) -> None:
     """Half behind a bishop, with a light rook beside it, a dark pawn has the rook's colours, but not its lightness."""
     rng = np.random.default_rng(seed)
     other = Colour.BLACK if side is Colour.WHITE else Colour.WHITE
     stays, fell = (
         rng.choice([one for one in START if one.kind is Kind.PAWN and one.colour is c]) for c in (side, other)
     )
-    home, light = TABLE.xy(stays.place), {Colour.WHITE: 160.0, Colour.BLACK: 15.0}
+    home, light = TABLE.xy(stays.place), {Colour.WHITE: bright, Colour.BLACK: dark}
     wrong, told = (0.97 if side is Colour.BLACK else -0.97), list[Sighting]()
     for one in shown({}, gone=frozenset({fell.name}), seed=seed).all:
-        lightness = light[Colour.WHITE if one.white > 0.0 else Colour.BLACK] + float(rng.normal(0.0, 5.0))
+        lightness = light[Colour.WHITE if one.white > 0.0 else Colour.BLACK] + float(rng.normal(0.0, spread))
         seen_as = wrong if math.dist((one.x, one.y), home) < 0.01 else one.white
         told.append(replace(one, white=seen_as, lightness=lightness))
     x, y = TABLE.xy(fell.place)
