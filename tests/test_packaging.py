@@ -139,7 +139,7 @@ class FakeDebian:
         self.bin = folder / "bin"
         self.bin.mkdir()
         self.log = folder / "log"
-        for name in ("bash", "cat", "cut", "dirname", "env", "grep", "rm", "sha256sum", "mkdir", "cp"):
+        for name in ("bash", "cat", "cut", "dirname", "env", "grep", "rm", "sha256sum", "mkdir", "cp", "nice"):
             (self.bin / name).symlink_to(str(shutil.which(name)))
         self.command("dpkg-query", "echo installed")
         self.command("stockfish", "true")
