@@ -35,6 +35,9 @@ _LOW: Final = 0.008  # nothing that is so high is the board [m]: what lies is tw
 _STRANGE: Final = 40
 """What no piece explains is at least as many pixels: where nothing strange was there were 23 at most in 240 pictures of
 tables with squares of 40 to 54 mm; where a piece lay, anywhere or just beside another, 39 or more in 162 of 162."""
+_LONGEST: Final = 0.09
+"""What reaches further, from corner to corner, is no piece, but a cup or a clock, which is left alone [m]: a king
+that lies is 62 mm long and 20 mm wide, and may seem to be one with what is off its foot beside him."""
 _WIDEST: Final = 0.013
 """A cluster that reaches further from its middle, but for single points, is no one piece that stands [m]."""
 _STRAY: Final = 0.92  # of a cluster's points so many are within that, and below its top: single points fly
@@ -234,7 +237,8 @@ def _strange(
     high = points[points[..., 2] > _LOW]  # false where depth is unknown
     at = np.clip(np.rint((high[:, :2] + half) / _FINE).astype(np.intp), 0, size)
     rest = high[explained[at[:, 0], at[:, 1]] == 0]
-    middles = (rest[mine, :2].mean(axis=0) for mine in clusters(rest, view, beside, above=_LOW, least=_STRANGE))
+    each = [rest[mine, :2] for mine in clusters(rest, view, beside, above=_LOW, least=_STRANGE)]
+    middles = (one.mean(axis=0) for one in each if float(np.hypot(*np.ptp(one, axis=0))) < _LONGEST)
     return tuple((float(x), float(y)) for x, y in middles)
 
 

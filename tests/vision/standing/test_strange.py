@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import chess
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from app.measure.bench.vision.calibration import random_looks, random_mount
 from app.pieces.layout import start_layout
+from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import Captured, PieceSpec, TableSettings, square_place
@@ -67,3 +69,30 @@ def test_what_lies_where_nobody_expects_it_is_seen_and_nothing_is_where_nothing_
             for one in lies:
                 middle = 0.5 * PIECE_SHAPES[extra.kind].height * np.array([math.sin(one.yaw), -math.cos(one.yaw)])
                 assert all(math.dist(spot, np.array([one.x, one.y]) + middle) < 0.035 for spot in strange)
+
+
+def with_a_disc(frame: Frame, view: BoardView, radius: float) -> Frame:
+    """Something round stands in the middle of the board, 50 mm high: as depth would show it from above."""
+    ticks = np.arange(-radius, radius, 0.0004)
+    x, y = (one.ravel() for one in np.meshgrid(ticks, ticks))
+    disc = np.hypot(x, y) < radius
+    points = np.column_stack([x[disc], y[disc], np.full(int(disc.sum()), 0.05)])
+    u, v = np.rint(view.project(points)).astype(int).T
+    assert frame.depth is not None
+    depth = frame.depth.copy()
+    depth[v, u] = view.depth(points)
+    return replace(frame, depth=depth)
+
+
+@pytest.mark.parametrize(("radius", "strange"), [(0.012, True), (0.025, True), (0.04, False), (0.06, False)])
+def test_what_is_larger_than_a_piece_is_left_alone(radius: float, strange: bool) -> None:
+    """A cup is nothing that the arm should push."""
+    with studio_of(PIECES, TABLE) as studio:
+        rng = np.random.default_rng(3)
+        looks = random_looks(rng, random_mount(rng))
+        expected = {piece.place: piece for piece in PIECES}
+        poses = [PlacedPiece(piece.name, *TABLE.xy(piece.place)) for piece in PIECES]
+        frame = studio.frame(poses, looks, seed=3)
+        view = BoardView(frame.intrinsics, studio.camera_from_board(looks.mount), TABLE)
+        frame = with_a_disc(frame, view, radius)
+        assert bool(sightings_of(frame, view, expected, around_board(view, trays=True)).strange) is strange
