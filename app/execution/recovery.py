@@ -182,7 +182,7 @@ class Recovery:
         handled = self._stood_up | self._clearing.pushed.keys()
         # what was let go over a box may have bounced out, and lie where nobody looks for it
         dropped = self._lost.dropped(stands)
-        strange = self.observer.strange(stands) if dropped else ()
+        strange = self._lost.unknown(self.observer.strange(stands)) if dropped else ()
         look_closer = bool(found.faults or handled or self._lost.names or strange) or board is not None
         seen = self.observer.whereabouts(stands) if look_closer else None
         # a second's search: once a look, and only where it is needed
@@ -371,7 +371,7 @@ class Recovery:
         told = self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
         self.observer.tell(told)
-        self._lost.told((*step.names, *(piece.name for piece in astray)))
+        self._lost.told((*step.names, *(piece.name for piece in astray)), stands)
         self._tried.clear()
         self._swung.clear()
         self._note(faults, "person", self._clock.now())

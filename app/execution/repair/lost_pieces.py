@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Set
+import math
+from collections.abc import Callable, Iterable, Sequence, Set
+from typing import Final
 
 from app.execution.interruption import CarryFailed, Loss
 from app.execution.repair.by_sight import Whereabouts
 from app.pieces.inventory import Inventory
+from app.pieces.order import Point
 from hardware.table import PieceSpec, Place, square_place
 from vision.pieces.placement_faults import Fault, FaultKind
+
+SAME_SPOT: Final = 0.02
+"""What lies no further from where something lay is that [m]: less than a piece's height, more than a look errs."""
 
 
 class LostPieces:
@@ -23,6 +29,10 @@ class LostPieces:
         nothing had been dropped into the box since the board was last right."""
         self._held: frozenset[str] | None = None
         """Those that were in boxes when the board was last right; None: it has not been, as far as is known."""
+        self._strange: Sequence[Point] = ()
+        """Where something lay that may be a piece, when it was last looked for."""
+        self._no_pieces: Sequence[Point] = ()
+        """Where something lies that is none, as somebody has said."""
 
     @property
     def names(self) -> Set[str]:
@@ -58,11 +68,20 @@ class LostPieces:
         """Those let go over boxes since the board was last right: one may have bounced out."""
         return [piece for piece in stands if piece.place.in_box and piece.name not in (self._held or ())]
 
-    def told(self, names: Iterable[str]) -> None:
+    def unknown(self, strange: Sequence[Point]) -> tuple[Point, ...]:
+        """Of the spots [m] where something lies that may be a piece, those where nobody has said that it is none."""
+        self._strange = strange
+        # what has been taken away may not excuse what comes to lie there later
+        self._no_pieces = [spot for spot in strange if _near(spot, self._no_pieces)]
+        return tuple(spot for spot in strange if spot not in self._no_pieces)
+
+    def told(self, names: Iterable[str], stands: Inventory) -> None:
         """Somebody has been asked for these, and says that they are where they should be."""
         names = tuple(names)
         self.forget(names)
         self._held = (self._held or frozenset()).union(names)
+        if not self.dropped(stands):
+            self._no_pieces = self._strange
 
     def look_into_boxes(self, wanted: Inventory, has_fallen_in: Callable[[Place], bool]) -> None:
         """Of those on their way to a box one may be seen to have come into it, where nothing else has been dropped into
@@ -92,3 +111,7 @@ class LostPieces:
     def astray(self, stands: Inventory) -> list[PieceSpec]:
         """Those that are believed in boxes, and were not seen to come into them."""
         return [one for name in sorted(self._astray) if (one := stands.find(name)).place.in_box]
+
+
+def _near(spot: Point, others: Iterable[Point]) -> bool:
+    return any(math.dist(spot, other) <= SAME_SPOT for other in others)

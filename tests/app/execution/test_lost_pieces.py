@@ -102,7 +102,7 @@ def test_what_is_carried_again_or_brought_back_is_lost_no_more(pieces: LostPiece
 def test_what_was_let_go_over_a_box_may_have_bounced_out_until_the_board_is_right(pieces: LostPieces) -> None:
     stands = after(d7=BOX)
     assert [piece.place for piece in pieces.dropped(stands)] == [BOX]
-    pieces.told([pieces.dropped(stands)[0].name])
+    pieces.told([pieces.dropped(stands)[0].name], stands)
     assert not pieces.dropped(stands), "somebody has looked"
     assert [piece.place for piece in pieces.dropped(after(d7=BOX, e7=SAME_BOX))] == [SAME_BOX]
     pieces.all_right(after(d7=BOX, e7=SAME_BOX))
@@ -111,3 +111,17 @@ def test_what_was_let_go_over_a_box_may_have_bounced_out_until_the_board_is_righ
 
 def test_after_a_start_all_that_boxes_should_hold_may_lie_about() -> None:
     assert len(LostPieces().dropped(after(d7=BOX, e7=SAME_BOX))) == 2
+
+
+def test_what_somebody_says_is_no_piece_is_known_as_long_as_it_lies_there(pieces: LostPieces) -> None:
+    stands, cork, other = after(d7=BOX), (0.1, 0.02), (0.1, 0.05)
+    dropped = [piece.name for piece in pieces.dropped(stands)]
+    assert pieces.unknown((cork, other)) == (cork, other)
+    pieces.told((), stands)
+    assert pieces.unknown((cork,)) == (cork,), "they were asked for something else"
+    pieces.told(dropped, stands)
+    nearly = (0.109, 0.02)
+    assert pieces.unknown((nearly, other)) == (other,)
+    assert pieces.unknown((nearly,)) == ()
+    assert pieces.unknown(()) == ()
+    assert pieces.unknown((cork,)) == (cork,), "it was away, and what lies there now may be a piece"

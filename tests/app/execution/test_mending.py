@@ -531,15 +531,22 @@ def test_what_bounces_out_of_its_box_is_found_where_it_lies(
 
 
 def test_nobody_is_asked_twice_for_what_they_say_is_in_its_box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Something else may lie there, which is no piece."""
+    """Something else may lie there, which is no piece; whatever is captured later."""
     monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=Captured.BOX))
-    table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    table, paper, record = table_of(tmp_path / "game", "4k3/8/8/3pp3/4PP2/8/8/4KR2 w - - 0 1")
     monkeypatch.setattr(Unattended, "mend", lambda self, sentence, squares, stands: paper.asked.append(sentence) or {})
-    monkeypatch.setattr(paper, "strange", lambda stands: (TABLE.xy(Place.parse("h4")),))
+    lies = [TABLE.xy(Place.parse("h4"))]
+    monkeypatch.setattr(paper, "strange", lambda stands: tuple(lies))
     with record:
         assert table.arm_ply(chess.Move.from_uci("e4d5"))
-        assert table.arm_ply(chess.Move.from_uci("e8d8"))
-    assert len(paper.asked) == 1
+        lies[0] = (lies[0][0] + 0.01, lies[0][1])
+        assert table.arm_ply(chess.Move.from_uci("e5f4"))
+        assert len(paper.asked) == 1
+        lies.append(TABLE.xy(Place.parse("h6")))
+        assert table.arm_ply(chess.Move.from_uci("f1f4"))
+    assert len(paper.asked) == 2
+    assert "h4" not in paper.asked[1]
+    assert "h6" in paper.asked[1]
 
 
 def test_what_was_lost_beside_its_box_is_asked_for_whatever_else_is_missing(
