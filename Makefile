@@ -22,8 +22,7 @@ COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.
 # Tests that have to be punctual run one by one. Alone they would leave two processors idle for three minutes; so all others run
 # beside them, where this account may give them the processor first, whenever they need it (root may). Of the files they
 # read only their own; ARGS may name others.
-FIRST := nice -n -10
-AT_ONCE = $(shell [ "$$($(FIRST) nice 2>/dev/null)" -lt "$$(nice)" ] && echo 2 || echo 1)
+FIRST = $(shell chrt --rr 1 true 2>/dev/null && echo chrt --rr 1)
 PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
@@ -41,7 +40,7 @@ test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; \
 	    test -e tests/__pycache__ || $(PYTEST) --collect-only -qq >/dev/null & wait
-	@$(MAKE) --no-print-directory --keep-going --jobs $(AT_ONCE) test-punctual test-most
+	@$(MAKE) --no-print-directory --keep-going --jobs $(if $(FIRST),2,1) test-punctual test-most
 
 test-most:
 	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
