@@ -26,8 +26,9 @@ WORST_CONDITION: Final = 8.0
 """Of J_c at the rim of the workspace, at its bottom: a piece may have fallen, or a hand push the arm there."""
 ABOVE_BOARD: Final = 0.120
 """The middle of the workspace box, over the playing surface [m]."""
-LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.260, 0.125)
-"""Of the workspace box, which has room for larger boards and trays than the smallest ones [m]."""
+LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.300, 0.125)
+"""Of the workspace box, which has room for larger boards and trays than the smallest ones, and for what has rolled off the
+table's edges, in every direction as far as the arm reaches [m]."""
 BESIDE: Final = 0.020
 """The box goes so far beyond the outermost places along the files: boards may be turned a little [m]."""
 AZIMUTHS: Final = 72

@@ -553,8 +553,8 @@ def test_nobody_pushes_an_arm_that_gives_way_out_of_the_poses_in_which_it_is_con
 def test_who_pulls_harder_than_the_fence_and_lets_go_sees_the_arm_come_back_slowly(rig: Rig) -> None:
     rig.boot()
     rig.bus.push = np.array([0.0, 60.0, 0.0])
-    while rig.supervisor.law.state.position[1] < 0.31:
-        rig.run(1)
+    rig.run(1500)
+    assert rig.supervisor.law.state.position[1] > 0.33
     assert rig.supervisor.machine.compliant
     rig.bus.push = np.zeros(3)
     fastest = 0.0
@@ -581,13 +581,13 @@ def test_who_drags_on_and_on_finds_brakes_where_a_motor_is_too_hot_or_the_contro
         rig.supervisor.machine.retire()
     rig.run(400)
     assert rig.supervisor.machine.braked
-    assert 0.26 < rig.supervisor.law.state.position[1] < 0.26 + 0.03
+    assert 0.30 < rig.supervisor.law.state.position[1] < 0.30 + 0.03
 
 
 def test_an_arm_that_is_enabled_outside_its_workspace_gives_way_and_is_not_pulled_in(
     fake_bus: Callable[..., Any],
 ) -> None:
-    begun = (0.0, 0.315, 0.30)
+    begun = (0.0, 0.345, 0.30)
     rig = Rig(fake_bus(point=begun))
     rig.bus.push = np.array([0.0, 0.1, 0.0])  # next to nothing: plant time goes on
     rig.run(600)

@@ -113,7 +113,8 @@ def test_joints_are_checked_for_speed_and_range() -> None:
         ([0.0, 0.0, 0.4], [0.5, 0.5, 0.5], None),
         ([0.31, 0.0, 0.4], [0.0, 0.0, 0.0], None),
         ([0.34, 0.0, 0.4], [0.0, 0.0, 0.0], Cause.TOOL_OUTSIDE),
-        ([0.0, -0.30, 0.4], [0.0, 0.0, 0.0], Cause.TOOL_OUTSIDE),
+        ([0.0, -0.32, 0.4], [0.0, 0.0, 0.0], None),
+        ([0.0, -0.34, 0.4], [0.0, 0.0, 0.0], Cause.TOOL_OUTSIDE),
         ([0.0, 0.0, 0.51], [0.0, 0.0, 0.0], Cause.TOOL_OUTSIDE),
         ([0.0, 0.0, 0.4], [1.0, 0.5, 0.5], Cause.TOOL_SPEED),
         ([0.0, math.nan, 0.4], [0.0, 0.0, 0.0], Cause.TOOL_OUTSIDE),
@@ -152,7 +153,7 @@ def test_one_finger_alone_does_not_grip() -> None:
 
 def test_the_worst_axis_says_how_far_outside() -> None:
     assert axis_beyond([0.0, 0.0, 0.35], LIMITS) == pytest.approx(-0.125)
-    assert axis_beyond([0.31, -0.29, 0.35], LIMITS) == pytest.approx(0.03)
+    assert axis_beyond([0.31, -0.33, 0.35], LIMITS) == pytest.approx(0.03)
 
 
 def test_every_cause_that_is_no_refusal_has_its_reaction() -> None:
