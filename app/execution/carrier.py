@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,7 @@ from app.rig.arm import (
 from app.terminal.game_display import UserInterface
 from hardware.parameters import RobotParameters
 from hardware.piece_set import Kind
+from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.execution.fallen import Leaning
@@ -278,15 +279,17 @@ class Carrier:
         if math.dist(state.reference, self._motion.home) > AT_HOME:
             self._go_home(inventory, None)
 
-    def way_for(self, blocks: str, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Transfer:
-        """Where a piece of a name may go that is in the way of the fingers.
+    def way_for(
+        self, blocks: str, misplaced: Sequence[MisplacedPiece], stands: Inventory, but: Set[Place] = frozenset()
+    ) -> Transfer:
+        """Where a piece of a name may go that is in the way of the fingers; not to some places.
 
         Raises:
             PlanRefused: nowhere.
         """
         from app.execution.recovery_plans import plan_making_way
 
-        transfer, _ = plan_making_way(self._planner(stands), blocks, misplaced, stands)
+        transfer, _ = plan_making_way(self._planner(stands), blocks, misplaced, stands, but)
         return transfer
 
     def _planner(self, inventory: Inventory, state: ArmAtRest | None = None) -> Planner:

@@ -6,7 +6,7 @@ All of it is brought back at the end, as it is wanted where it stood.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 from typing import Final
@@ -24,6 +24,7 @@ from app.records import GameRecord
 from app.terminal.game_display import UserInterface
 from hardware.interfaces import Clock
 from hardware.piece_set import PIECE_SHAPES
+from hardware.table import Place
 from vision.pieces.lying_or_standing import MisplacedPiece
 
 MOST_PUSHES: Final = 6
@@ -61,11 +62,14 @@ class Clearing:
         """So often what leans was pushed."""
         self._parted: set[str] = set()
         """Pieces that were taken away from what leans."""
+        self._left = defaultdict[str, set[Place]](set)
+        """From where pieces have made way: back there they would be in the way again."""
 
     def begin(self) -> None:
         """A recovery begins."""
         self.pushed.clear()
         self._parted.clear()
+        self._left.clear()
         self._stirred = 0
 
     def prop(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | None:
@@ -120,7 +124,7 @@ class Clearing:
 
     def around(self, refused: PlanRefused, step: Repair, misplaced: Sequence[MisplacedPiece]) -> Repair | bool:
         """A piece that is in the way of what is carried goes first where it has to go anyway, or else aside; as
-        ``way``.
+        ``way``. If nothing else helps, what was to be carried is pushed: it may lean on what is in the way.
         """
         if not isinstance(refused, InTheWay):
             return False
@@ -132,7 +136,12 @@ class Clearing:
         if aside is not None or refused.around is None:
             return aside or False
         pairs = [Blocked(refused.around.name, name, refused.around)]
-        return self._push(pairs, misplaced, stands) or self._room(pairs, misplaced, stands) or False
+        spot = refused.around.x, refused.around.y
+        return (
+            self._push(pairs, misplaced, stands)
+            or self._room(pairs, misplaced, stands)
+            or self._stir(spot, Leaning((spot,), frozenset(), tuple(misplaced), Ask("", ())), stands)
+        )
 
     def parted(self, heap: Leaning, stands: Inventory) -> Repair | bool:
         """What stands about something that leans goes aside, one after the other, once each: without its neighbours it
@@ -171,9 +180,10 @@ class Clearing:
 
     def _aside(self, name: str, misplaced: Sequence[MisplacedPiece], stands: Inventory, does: str) -> Repair | None:
         try:
-            transfer = self._carrier.way_for(name, misplaced, stands)
+            transfer = self._carrier.way_for(name, misplaced, stands, self._left[name])
         except PlanRefused:
             return None
+        self._left[name].add(transfer.source)
         return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} {does}")
 
     def _room(self, pairs: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | None:

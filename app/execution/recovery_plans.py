@@ -26,7 +26,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
 from hardware.parameters import RobotParameters
 from hardware.piece_set import PIECE_SHAPES, Kind
-from hardware.table import PieceSpec, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 
 _CLEAR: Final = 0.11
@@ -130,12 +130,16 @@ def plan_feeling_board(
 
 
 def plan_making_way(
-    planner: Planner, blocks: str, misplaced: Sequence[MisplacedPiece], inventory: Inventory
+    planner: Planner,
+    blocks: str,
+    misplaced: Sequence[MisplacedPiece],
+    inventory: Inventory,
+    but: Set[Place] = frozenset(),
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
-    ``blocks`` is its name, as ``InTheWay`` has it. It goes where it is clear of all misplaced pieces; one that itself
-    is where it should not be goes where it belongs, if that is clear of what lies about.
+    ``blocks`` is its name, as ``InTheWay`` has it. It goes where it is clear of all misplaced pieces, but not to some
+    places; one that itself is where it should not be goes where it belongs, if that is clear of what lies about.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -156,11 +160,11 @@ def plan_making_way(
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
     free = [
         place for place in inventory.places()
-        if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), misplaced)
+        if inventory.at(place) is None and place not in targets | but and _clear_of(table.xy(place), misplaced)
     ]  # fmt: skip
     # squares first: the camera sees whether it has come there
     free.sort(key=lambda place: (not place.on_board, inventory.travel(piece.place, place), place))
-    if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), misplaced):
+    if itself is not None and itself.target not in targets | but and _clear_of(table.xy(itself.target), misplaced):
         free.insert(0, itself.target)
     refused: PlanRefused | None = None
     for raised in _raised(piece.kind, planner.cell.parameters):

@@ -67,9 +67,12 @@ class Paper:
         """Something hides the square of what is gone; something is in the box that was not."""
         self.blind = 0
         """In so many looks nothing is found that lies or stands elsewhere."""
-        self.in_the_way: str | None = None
+        self.narrow: set[tuple[str, str]] = set()
+        """This piece is in the way of the fingers on this square."""
         self.crowded: str | None = None
         """This piece is in the way of the fingers, unless it alone is carried."""
+        self.wedged: str | None = None
+        """This piece leans on another, which is in the way of the fingers, until it is pushed."""
         self.hemmed_in: str | None = None
         """This piece is in the way, and the fingers do not get at it either."""
         self.immovable = False
@@ -103,6 +106,10 @@ class Paper:
         if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
             piece, self.crowded = inventory.find(self.crowded), None
             raise InTheWay("the fingers would touch it", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
+        if self.wedged is not None:
+            pieces = [self.truth.find(name) for name in ("white-pawn-c", self.wedged)]
+            pawn, around = (Obstacle.at(piece.name, piece.place, piece.kind, TABLE) for piece in pieces)
+            raise InTheWay("the fingers would touch the pawn", pawn, around)
         for number, transfer in enumerate(job.transfers):
             if self.carried in self.losses:
                 where = self.losses.pop(self.carried)
@@ -144,10 +151,10 @@ class Paper:
 
     def stand_up(self, one: MisplacedPiece, misplaced: Any, stands: Inventory, seen: Any) -> float | None:
         self.visit()
-        if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
-            name, self.in_the_way = self.in_the_way, None
-            piece = stands.find(name)
-            raise InTheWay("the rook is in the way", Obstacle.at(name, piece.place, piece.kind, TABLE))
+        in_the_way = next((piece for piece in self.truth if (piece.name, str(piece.place)) in self.narrow), None)
+        if in_the_way is not None:
+            at = Obstacle.at(in_the_way.name, in_the_way.place, in_the_way.kind, TABLE)
+            raise InTheWay("the rook is in the way", at)
         if self.hemmed_in is not None:
             piece = stands.find(self.hemmed_in)
             raise InTheWay("the rook is in the way", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
@@ -170,16 +177,18 @@ class Paper:
     def push_aside(self, push: Any, stands: Inventory) -> None:
         if push.name == "heap":
             self.stirred += 1
+            self.wedged = None
             self.prop = None if self.stirred >= self.loosened else self.prop
             self.heap.clear()
             return
         self.pushed += 1
         self.hemmed_in = None
 
-    def way_for(self, blocks: str, misplaced: Any, stands: Inventory) -> Transfer:
+    def way_for(self, blocks: str, misplaced: Any, stands: Inventory, but: Set[Place] = frozenset()) -> Transfer:
         if self.hemmed_in == blocks or self.immovable:
             raise PlanRefused("the fingers would touch what lies there")
-        free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
+        squares = (place for place in map(square_place, range(63, -1, -1)) if place not in but)
+        free = next(place for place in squares if stands.at(place) is None)
         return Transfer.of(stands.find(blocks), free)
 
     def be_ready(self, inventory: Inventory) -> None:
@@ -339,12 +348,12 @@ def test_lost_pieces_are_found_and_carried_again_and_the_record_is_right(tmp_pat
     assert sum(trouble.kind == Loss.LOST for trouble in troubles) == lost
 
 
-@pytest.mark.parametrize("blocked", [False, True])
-def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path: Path, blocked: bool) -> None:
-    """Where another piece is in the way of the fingers, that one makes way and comes back."""
+@pytest.mark.parametrize("blocked", [[], ["d2"], ["d2", "h6", "g6"]])
+def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path: Path, blocked: list[str]) -> None:
+    """Where another piece is in the way of the fingers, wherever it goes, that one makes way and comes back."""
     table, paper, record = table_of(tmp_path / "game")
     paper.falls[0] = Place.parse("d5")
-    paper.in_the_way = "white-pawn-d" if blocked else None
+    paper.narrow = {("white-pawn-d", square) for square in blocked}
     with record:
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.stood_up, paper.asked) == (1, [])
@@ -664,6 +673,17 @@ def test_a_piece_that_is_in_the_way_of_the_fingers_goes_first(tmp_path: Path, mo
         assert table.repair()
         assert same(paper.truth, table.inventory)
     assert (paper.carried, paper.asked, paper.crowded) == (2 if moves_itself else 3, [], None)
+
+
+def test_a_piece_at_which_the_fingers_do_not_get_is_pushed_before_anybody_is_asked(tmp_path: Path) -> None:
+    """It leans on a pawn that cannot make way for it, and seems to stand."""
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("black-knight-b", Place.parse("c4"))
+        paper.wedged, paper.immovable = "black-knight-b", True
+        assert table.repair()
+    assert same(paper.truth, table.inventory)
+    assert (paper.stirred, paper.asked) == (1, [])
 
 
 def test_the_board_is_looked_at_again_before_the_arm_moves_after_a_while(tmp_path: Path) -> None:
