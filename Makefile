@@ -1,6 +1,6 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
-# make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once, and before these one by one
-#              those of what has to be punctual; ARGS go to pytest
+# make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once, then one by one those of
+#              what has to be punctual; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make ready   set up what checks and tests need, and nothing else
 # make check   format, lint, strict types
@@ -19,15 +19,12 @@ WORKERS ?= $(shell expr 2 '*' $$(nproc))
 # says of bytecode; and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
-# Tests that have to be punctual run one by one. Alone they would leave two processors idle for three minutes; so all others run
-# beside them, where this account may give them the processor first, whenever they need it (root may). Of the files they
-# read only their own; ARGS may name others.
-FIRST = $(shell chrt --rr 1 true 2>/dev/null && echo chrt --rr 1)
+# Files with tests that have to be punctual: the second pass need not read all others anew. ARGS may name its own.
 PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
-.PHONY: ready demo test test-most test-punctual nightly check clean constraints coverage vendor
+.PHONY: ready demo test nightly check clean constraints coverage vendor
 
 ready:
 	@bash .ci/setup dev
@@ -40,15 +37,8 @@ test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; \
 	    test -e tests/__pycache__ || $(PYTEST) --collect-only -qq >/dev/null & wait
-	@$(MAKE) --no-print-directory --keep-going --jobs $(if $(FIRST),2,1) test-punctual test-most
-
-test-most:
 	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
-
-# said in one piece, once it is known; jobs of make, unlike those of a shell, hear Ctrl-C
-test-punctual:
-	@said="$$($(FIRST) env $(PYTEST) -m real_time $(ARGS) $(PUNCTUAL) 2>&1)" && status=0 || status=$$?; \
-	    printf '\n%s\n' "$$said"; [ $$status -eq 0 ] || [ $$status -eq 5 ]
+	@$(PYTEST) -m real_time $(ARGS) $(PUNCTUAL) || [ $$? -eq 5 ]
 
 nightly:
 	@bash .ci/setup dev

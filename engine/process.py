@@ -138,7 +138,7 @@ class UciProcess:
 
     async def _spawn(self, path: str) -> None:
         try:
-            self._transport, self._uci = await Uci.popen(path, start_new_session=True, preexec_fn=_die_with_parent())
+            self._transport, self._uci = await Uci.popen(path, start_new_session=True, preexec_fn=dying_with_parent())
         except OSError as error:
             raise Misbehaved(f"it could not be started: {error.strerror}") from error
 
@@ -177,8 +177,8 @@ def _note_loop_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) 
         uci.break_off(error)
 
 
-def _die_with_parent() -> Callable[[], None] | None:
-    """Code for the forked child that ties its life to the forking thread; None where the system has no such thing.
+def dying_with_parent(sign: signal.Signals = signal.SIGKILL) -> Callable[[], None] | None:
+    """Code for the forked child that ties its life by a signal to the forking thread; None where there is no such thing.
 
     Everything is looked up before the fork, so that the child makes system calls only and takes no lock that another
     thread may have held.
@@ -189,7 +189,7 @@ def _die_with_parent() -> Callable[[], None] | None:
     parent = os.getpid()
 
     def tie() -> None:
-        if prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) != 0 or os.getppid() != parent:
+        if prctl(PR_SET_PDEATHSIG, sign, 0, 0, 0) != 0 or os.getppid() != parent:
             os._exit(1)
 
     return tie

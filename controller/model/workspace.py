@@ -27,8 +27,8 @@ WORST_CONDITION: Final = 8.0
 ABOVE_BOARD: Final = 0.120
 """The middle of the workspace box, over the playing surface [m]."""
 LEAST_HALF_SIZE: Final[Triple] = (0.300, 0.300, 0.125)
-"""Of the workspace box, which has room for larger boards and trays than the smallest ones, and for what has rolled off the
-table's edges, in every direction as far as the arm reaches [m]."""
+"""Of the workspace box, which has room for larger boards and trays than the smallest ones, and for what has rolled away
+from the board, as far as the arm reaches in every direction [m]."""
 BESIDE: Final = 0.020
 """The box goes so far beyond the outermost places along the files: boards may be turned a little [m]."""
 AZIMUTHS: Final = 72

@@ -35,6 +35,7 @@ from controller.wire.address import find_controller
 from controller.wire.errors import ControllerError
 from controller.wire.listener import TelemetryWatch
 from engine.errors import EngineProblem
+from engine.process import dying_with_parent
 from hardware.parameters import load_parameters
 
 LATEST: Final = 1.6
@@ -97,6 +98,7 @@ class _Program:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", __name__, str(self._folder)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                preexec_fn=dying_with_parent(signal.SIGINT),  # noqa: PLW1509 - takes no lock; a killed worker ends nothing
             )  # fmt: skip
         self._begun = _lines(self._game)
 

@@ -32,9 +32,11 @@ from app.campaign.troubles import MachineTrouble
 from app.campaign.workers import worker
 from app.campaign.workers.order import Kept, TaskOrder
 from app.cli import app as command_line
+from app.records import EVENTS_FILE
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
 from hardware.table import TableSettings
+from tests.waiting import until
 
 FILE = """
 first_seed = 5
@@ -141,6 +143,24 @@ with scratch_folder(77) as folder:
         clear_left_behind()
         assert mine.is_dir()
     assert not mine.exists()
+
+
+def test_the_program_of_a_game_ends_in_order_when_its_worker_is_killed(tmp_path: Path) -> None:
+    code = """
+import sys
+from pathlib import Path
+from app.campaign.drawing import draw
+from app.campaign.spec import CampaignSpec
+from app.campaign.tasks.kills import play_with_kills
+play_with_kills(draw(CampaignSpec(draw={"start.line": True, "game.plies": 200}), 0), Path(sys.argv[1]), False)
+"""
+    record = tmp_path / "game" / EVENTS_FILE
+    with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)]) as worker:
+        until(lambda: record.exists() and b'"event":"ply"' in record.read_bytes(), "a ply")
+        worker.kill()
+    until(lambda: not running_in(tmp_path), "the end of all that it has started")
+    ended = json.loads(record.read_text(encoding="utf-8").splitlines()[-1])
+    assert (ended["event"], ended["reason"]) == ("end", "interrupted")
 
 
 def test_a_relay_loses_what_its_seed_says_and_follows_another_controller(tmp_path: Path) -> None:
