@@ -178,7 +178,7 @@ def _note_loop_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) 
 
 
 def dying_with_parent(sign: signal.Signals = signal.SIGKILL) -> Callable[[], None] | None:
-    """Code for the forked child that ties its life by a signal to the forking thread; None where there is no such thing.
+    """Code for the forked child that ties its life by a signal to the forking thread; None where nothing can do that.
 
     Everything is looked up before the fork, so that the child makes system calls only and takes no lock that another
     thread may have held.
