@@ -98,7 +98,7 @@ class _Program:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", __name__, str(self._folder)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-                preexec_fn=dying_with_parent(signal.SIGINT),  # noqa: PLW1509 - takes no lock; a killed worker ends nothing
+                preexec_fn=dying_with_parent(signal.SIGTERM),  # noqa: PLW1509 - takes no lock; a killed worker ends nothing
             )  # fmt: skip
         self._begun = _lines(self._game)
 
@@ -131,7 +131,7 @@ class _Program:
     def end(self) -> None:
         """Nothing of it is left running."""
         if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(signal.SIGTERM)
             try:
                 self._process.wait(30.0)
             except subprocess.TimeoutExpired:
@@ -215,4 +215,6 @@ def run_program(folder: Path) -> int:
 
 
 if __name__ == "__main__":
+    # not SIGINT, which workers ignore: what starts inherits that
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run_program(Path(sys.argv[1])))
