@@ -11,7 +11,7 @@ import chess.pgn
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from hardware.interfaces import DriveTrouble
 from tests.controllers import Controller, free_port, touchmove
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from app import UserError
 from app.analysis.kept import kept_analysis
-from app.cli import app
+from app.cli.commands import app
 from app.measure.photographs.labels import load_labels
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout

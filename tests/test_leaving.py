@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from tests.waiting import PATIENCE, until
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")

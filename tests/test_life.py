@@ -12,7 +12,7 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from tests.waiting import until
 
 GAME = ("--pace", "fast", "--no-video", "--plies", "200", "--movetime", "0.02")

@@ -17,7 +17,7 @@ import chess.pgn
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from tests.waiting import PATIENCE
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")

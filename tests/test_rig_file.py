@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from tests.controllers import Controller, free_port, status, touchmove
 from tests.waiting import PATIENCE, until
 

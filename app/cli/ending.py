@@ -7,11 +7,10 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
-
-import typer
+from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -38,10 +37,18 @@ PIPED_WIDTH = 160
 """Of tables that go into a file or to another program: nothing of them is folded [characters]."""
 
 
+_IMPORTS: Final = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
+"""Where Python's own code stands that runs while a module is loaded."""
+_LONGEST_HELD: Final = 5.0
+"""How long an interrupt waits for the end of an import: while Numba compiles that may take longer [s]."""
+
+
 def fail(sentence: str, status: int = 2) -> NoReturn:
     """Say what is wrong on one line, whatever was quoted in it, and end the program with this status."""
+    from typer import Exit
+
     print(f"touchmove: {' '.join(sentence.split())}", file=sys.stderr)
-    raise typer.Exit(status)
+    raise Exit(status)
 
 
 def say(step: str) -> None:
@@ -58,23 +65,53 @@ def ask(question: str) -> str:
     return line.rstrip("\n")
 
 
-def interrupt(_number: int, frame: FrameType | None) -> None:
-    """Handler of signals that ask for the end."""
-    while frame is not None:
-        if frame.f_code is _repeat_swallowed.__code__:  # on a busy machine it may not be over yet: lost there, too
+class _Interrupts:
+    """What becomes of signals that ask for the end."""
+
+    def __init__(self) -> None:
+        self._held_since: float | None = None
+
+    def __call__(self, _number: int, frame: FrameType | None) -> None:
+        """Handler: raises ``KeyboardInterrupt``, where that is heard.
+
+        Not in an import: compiled libraries, and classes that are being made, turn it into errors of their own.
+        """
+        running = {one.f_code for one in _callers(frame)}
+        swallowed = _repeat_swallowed.__code__ in running  # on a busy machine it may not be over yet: lost there, too
+        importing = any(code.co_filename in _IMPORTS for code in running)
+        if swallowed or (importing and self._may_be_held()):
             _come_again()
-            return
+        else:
+            raise KeyboardInterrupt
+
+    def _may_be_held(self) -> bool:
+        now = time.monotonic()
+        if self._held_since is None or now > self._held_since + 2.0 * _LONGEST_HELD:
+            self._held_since = now
+        return now < self._held_since + _LONGEST_HELD
+
+
+def _callers(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
         frame = frame.f_back
-    raise KeyboardInterrupt
+
+
+interrupt: Final = _Interrupts()
 
 
 def take_interrupts() -> dict[int, Handler]:
-    """Ctrl-C and SIGTERM raise ``KeyboardInterrupt`` from now on, wherever they meet the program; what did before.
+    """Ctrl-C, SIGTERM and the end of the terminal raise ``KeyboardInterrupt`` from now on, wherever they meet the
+    program; what did before.
 
-    SIGINT too: a shell's background job starts with it ignored.
+    SIGINT too where it is ignored: a shell's background job starts so. SIGHUP is not where it is ignored: somebody
+    wants the program to outlive the terminal.
     """
     sys.unraisablehook = _repeat_swallowed
-    return {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    return {number: signal.signal(number, interrupt) for number in numbers}
 
 
 def _repeat_swallowed(what: sys.UnraisableHookArgs) -> None:
@@ -109,6 +146,8 @@ def interruptible() -> Iterator[None]:
 
 def run_process(process: Callable[[], int]) -> NoReturn:
     """Be a process of a rig, and end with its status."""
+    from typer import Exit
+
     from app import UserError
     from hardware.interfaces import HardwareError
 
@@ -116,12 +155,13 @@ def run_process(process: Callable[[], int]) -> NoReturn:
         status = process()
     except (UserError, HardwareError, OSError) as error:
         fail(str(error))
-    raise typer.Exit(status)
+    raise Exit(status)
 
 
 def show_report(find: Callable[[], Shown], as_json: bool) -> NoReturn:
     """Find out, show it, and end the program with what it says."""
     from rich.console import Console
+    from typer import Exit
 
     from app import UserError
 
@@ -134,4 +174,4 @@ def show_report(find: Callable[[], Shown], as_json: bool) -> NoReturn:
         print(report.model_dump_json(indent=2))
     else:
         Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(report.table())
-    raise typer.Exit(0 if report.holds else 1)
+    raise Exit(0 if report.holds else 1)

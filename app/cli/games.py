@@ -1,4 +1,4 @@
-"""Commands that play: by engines, against a person, from records; and what they are played with.
+"""Commands that play: by engines, against a person, puzzles, from records; and what they are played with.
 
 Most parameters of these commands are read through their context: each sets the field of the settings that
 ``options`` names for it.
@@ -107,6 +107,27 @@ def play(
     robot = "human" if two_people else "engine"
     also |= {f"{color}.player": "human", f"{other}.player": robot, f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
+    show_game("play", games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
+
+
+@options.shared(options.RIG, options.PROCESSES, options.TALK, options.RECORD)
+def puzzle(
+    context: typer.Context,
+    puzzles: Annotated[
+        Path,
+        typer.Argument(help="CSV file with the columns FEN and Moves, as Lichess publishes it, or a PGN file."),
+    ],
+    number: Annotated[int, typer.Option(min=1, help="Begin with this puzzle of the file.")] = 1,
+    games: Annotated[int, typer.Option(min=1, help="Number of puzzles; the arm sets up each of them.")] = 1,
+    guard: options.Guard = None,
+    page: options.Page = None,
+    config: options.Config = None,
+    as_json: options.AsJson = False,
+) -> None:
+    """Solve puzzles: the arm sets them up and plays the opponent; it says whether a move is right."""
+    page_ahead = page_of_command(context)
+    sides = {"white.player": "human", "black.player": "engine", "rig.video": False}
+    settings = options.settings_of_command(context, config, sides)
     show_game("play", games_of(context, settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 

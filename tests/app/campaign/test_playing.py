@@ -31,7 +31,7 @@ from app.campaign.tasks.scripted_person import ScriptedPerson
 from app.campaign.troubles import MachineTrouble
 from app.campaign.workers import worker
 from app.campaign.workers.order import Kept, TaskOrder
-from app.cli import app as command_line
+from app.cli.commands import app as command_line
 from app.records import EVENTS_FILE
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE

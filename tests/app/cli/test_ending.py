@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from tests.waiting import PATIENCE
 
 SWALLOWS = """
 import os, signal, sys, time
@@ -55,3 +59,54 @@ def test_what_else_a_destructor_raises_is_told_as_ever() -> None:
     done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "a bug" in done.stderr
+
+
+IMPORTS = """
+import os, signal, sys, time
+from app.cli.ending import take_interrupts
+
+take_interrupts()
+try:
+    import interrupted_in_the_middle
+    time.sleep(60.0)
+except KeyboardInterrupt:
+    sys.exit(130 if "interrupted_in_the_middle" in sys.modules else 1)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_that_meets_an_import_waits_for_its_end(number: signal.Signals, tmp_path: Path) -> None:
+    """A class that is being made tells of any exception by one of its own."""
+    (tmp_path / "interrupted_in_the_middle.py").write_text(
+        "import os\n"
+        "class Named:\n"
+        f"    def __set_name__(self, owner, name): os.kill(os.getpid(), {number.value})\n"
+        "class Owner:\n"
+        "    named = Named()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=False, env=environment, timeout=PATIENCE
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_an_import_that_takes_too_long_is_interrupted(tmp_path: Path) -> None:
+    (tmp_path / "endless.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\nwhile True: time.sleep(0.01)\n"
+    )
+    program = (
+        "import app.cli.ending as ending\nending._LONGEST_HELD = 0.3\nending.take_interrupts()\n"
+        "try:\n    import endless\nexcept KeyboardInterrupt:\n    raise SystemExit(130)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", program], check=False, env=environment, timeout=PATIENCE)
+    assert done.returncode == 130
+
+
+def test_who_wants_to_outlive_the_terminal_does() -> None:
+    program = (
+        "import os, signal\nfrom app.cli.ending import take_interrupts\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_IGN)\ntake_interrupts()\nos.kill(os.getpid(), signal.SIGHUP)\n"
+    )
+    assert subprocess.run([sys.executable, "-P", "-c", program], check=False).returncode == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from tests.app.online.fake_lichess import FakeLichess
 from tests.app.online.online_games import written_token
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
 from app.measure.bench.vision.calibration import square_errors

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.commissioning.check_drives import check_bus
 from app.commissioning.check_report import CheckReport, CheckState, Finding
 from app.commissioning.check_rig import check_camera

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import app.commissioning.link_test as link_module
 from app import UserError
-from app.cli import app as command_line
+from app.cli.commands import app as command_line
 from app.commissioning.link_test import LinkReport, link_checks, link_test, real_time_check, receive_buffer
 from app.rig.simulation.timed import GrantedRealTime
 from controller.wire.probe import ProbeFigures

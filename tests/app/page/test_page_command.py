@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.page.web.sign_in import PasswordHash
 from app.play.launch import run_games
 from app.settings.files import kept_settings, settings_of

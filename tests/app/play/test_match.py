@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app import UserError
-from app.cli import app
+from app.cli.commands import app
 from app.play.launch import resume_games, run_games
 from app.play.match import last_round
 from app.play.session import SessionResult

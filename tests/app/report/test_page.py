@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.pieces.inventory import MoveKind, Transfer
 from app.records import PlyEvent, PlyOutcome, RecordError, read_events
 from app.records.events import Purpose

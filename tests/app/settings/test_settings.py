@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.motion import Profile
 from app.settings.defaults import PlayerKind, Settings
 from app.settings.files import as_toml, load_settings, meanings_of, settings_of

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.campaign.schema import TaskOutcome
-from app.cli import app
+from app.cli.commands import app
 from tests.app.campaign.report.test_campaign_page import Walk
 from tests.app.campaign.report.test_reading import result, write
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app
+from app.cli.commands import app
 from app.commissioning.bring_up.steps import FILE, CommissionReport, CommissionStep, StepState
 from hardware.sim.clients.wire import world_pid
 

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 import app.measure.bench.law as law_bench
-from app.cli import app as command_line
+from app.cli.commands import app as command_line
 from app.measure.bench import BENCHES, UnknownBench, run_bench
 from app.measure.bench.beds.recording import TickRecording, found, record
 from app.measure.bench.law import Starts, start_once, tick_parts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app as command_line
+from app.cli.commands import app as command_line
 from app.measure.bench.motion.standard_cycle import (
     ACROSS,
     GAME,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app as command_line
+from app.cli.commands import app as command_line
 from app.measure.figures import FIGURES, UnknownFigure, make_figure
 from app.measure.figures.drawing import axes, picture
 from app.measure.figures.result import Bar, FigureResult, FolderUnusable, save

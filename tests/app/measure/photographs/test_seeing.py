@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app import UserError
-from app.cli import app
+from app.cli.commands import app
 from app.measure.bench.vision.photos import VARIABLE, sequences
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.pictures import picture_files
