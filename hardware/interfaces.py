@@ -37,6 +37,14 @@ class BusLost(HardwareError):
     """The drives no longer answer."""
 
 
+class RigGone(HardwareError):
+    """What all devices stood behind has ended: none of them will answer again."""
+
+
+class HandRefused(HardwareError):
+    """A simulated person cannot do what was asked; the message says why."""
+
+
 class StaleFrame(HardwareError):
     """A camera frame is older than its reader accepts."""
 

@@ -23,14 +23,24 @@ from tests.waiting import PATIENCE
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
 
 
+AT_A_TERMINAL = """
+import fcntl, os, signal, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup's tests have it ignored
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+"""The terminal is the program's own: it is told of the terminal's end."""
+
+
 class PseudoTerminal:
     """A command that believes to be at a terminal."""
 
     def __init__(self, *arguments: str) -> None:
         ours, theirs = pty.openpty()
         self.process = subprocess.Popen(
-            [*TOUCHMOVE, *arguments], stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True
-        )
+            [sys.executable, "-c", AT_A_TERMINAL, *TOUCHMOVE, *arguments], stdin=theirs, stdout=theirs, stderr=theirs,
+            start_new_session=True,
+        )  # fmt: skip
         os.close(theirs)
         self._fd = ours
         self.shown = ""
@@ -55,10 +65,37 @@ class PseudoTerminal:
     def type(self, line: str) -> None:
         os.write(self._fd, f"{line}\n".encode())
 
-    def end(self) -> int:
+    def end(self, *, gone: bool = False) -> int:
+        """The exit status; ``gone``: the terminal goes first."""
+        if gone:
+            os.close(self._fd)
         status = self.process.wait(PATIENCE)
-        os.close(self._fd)
+        if not gone:
+            os.close(self._fd)
         return status
+
+
+@pytest.mark.slow
+def test_a_game_whose_terminal_goes_ends_in_good_order(tmp_path: Path) -> None:
+    """As when its window is closed: the arm is brought to rest though nobody can be told so."""
+    game = tmp_path / "game"
+    terminal = PseudoTerminal(
+        "demo",
+        "--pace",
+        "fast",
+        "--no-cameras",
+        "--no-video",
+        "--movetime",
+        "0.02",
+        "--plies",
+        "200",
+        "--out",
+        str(game),
+    )
+    terminal.until(r"quiet|capture")
+    assert terminal.end(gone=True) == 130
+    assert '"reason":"interrupted"' in (game / "events.jsonl").read_text().splitlines()[-1]
+    assert json.loads((game / "run" / "world_end.json").read_text())["at_rest"] is True
 
 
 def test_a_game_in_a_terminal_from_its_start_to_mate(tmp_path: Path) -> None:

@@ -70,12 +70,15 @@ class _Interrupts:
 
     def __init__(self) -> None:
         self._held_since: float | None = None
+        self._terminals = [number for number in range(3) if os.isatty(number)]
 
-    def __call__(self, _number: int, frame: FrameType | None) -> None:
+    def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handler: raises ``KeyboardInterrupt``, where that is heard.
 
         Not in an import: compiled libraries, and classes that are being made, turn it into errors of their own.
         """
+        if number == signal.SIGHUP:
+            self._leave_terminals()
         running = {one.f_code for one in _callers(frame)}
         swallowed = _repeat_swallowed.__code__ in running  # on a busy machine it may not be over yet: lost there, too
         importing = any(code.co_filename in _IMPORTS for code in running)
@@ -83,6 +86,15 @@ class _Interrupts:
             _come_again()
         else:
             raise KeyboardInterrupt
+
+    def _leave_terminals(self) -> None:
+        """What is said to a terminal that is gone is said to nobody: that must not fail while the arm comes to rest."""
+        gone = [number for number in self._terminals if not os.isatty(number)]
+        if gone:
+            nobody = os.open(os.devnull, os.O_RDWR)
+            for number in gone:
+                os.dup2(nobody, number)
+            os.close(nobody)
 
     def _may_be_held(self) -> bool:
         now = time.monotonic()

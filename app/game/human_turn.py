@@ -33,7 +33,7 @@ from app.rig.arm import ArmPaused, ArmStopped
 from app.settings.time_control import clock_text
 from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HardwareError, RigGone
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class HumanTurn:
                     end = self._obey(command or parse_command(line or "", self._table.board, self._human.refusal))
                 else:
                     end = self._glance()
-            except (PersonGone, RecordError, ArmPaused, NeedsHand, NeedsGo, GameLeft):
+            except (PersonGone, RecordError, RigGone, ArmPaused, NeedsHand, NeedsGo, GameLeft):
                 raise
             except Interjected as instead:
                 other, end = instead.command, None

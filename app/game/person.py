@@ -34,7 +34,7 @@ from app.players.person import Hands, Human, Lines, PersonGone
 from app.rig.arm import Arm
 from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HandRefused, HardwareError
 from hardware.piece_set import Look
 from hardware.table import Place
 
@@ -273,7 +273,7 @@ class PersonAsker:
             return
         try:
             hands.do(command, stands)
-        except HardwareError as error:
+        except HandRefused as error:
             self._ui.say(str(error))
 
 

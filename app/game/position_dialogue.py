@@ -19,7 +19,7 @@ from app.pieces.layout import PIECE_TYPES
 from app.players.commands import NOTHING, CommandError, Word, said_of_square
 from app.players.person import Human
 from app.terminal.game_display import UserInterface
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HandRefused
 from hardware.piece_set import Colour, Look
 from hardware.table import Place, TableSettings
 from vision.standing.recognised_set import RecognisedSet
@@ -228,7 +228,7 @@ class PositionDialogue:
             return True
         try:
             self._human.hands.do(command, Inventory.of((), self._table))
-        except HardwareError as error:
+        except HandRefused as error:
             self._ui.say(str(error))
             return True
         self._see()

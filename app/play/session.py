@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from pydantic import JsonValue
 
@@ -22,13 +23,15 @@ from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from engine.errors import EngineProblem
-from hardware.interfaces import Camera, HardwareError
+from hardware.interfaces import Camera, HardwareError, RigGone
 from hardware.loading import end_loading
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard, Guarding
 
 FAILED = GameEnd("*", "failed", complete=False)
+_SOCKETS_FIRST: Final = 2.0
+"""A process that is killed has closed its sockets this long before it has ended, at most [s, wall]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +236,15 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
     except RecordError:
         raise
     except (*EXPECTED_FAILURES, EngineProblem) as error:
-        so_far.failures.append(rig.failure() or str(error))
+        so_far.failures.append(_cause(rig, error))
+
+
+def _cause(rig: Rig, error: Exception) -> str:
+    """What to say of a failure: which process has ended, if one has; sockets close a moment before it has."""
+    deadline = time.monotonic() + (_SOCKETS_FIRST if isinstance(error, RigGone) else 0.0)
+    while (cause := rig.failure()) is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return cause or str(error)
 
 
 def _result(so_far: _RoundProgress, *, rested: bool) -> SessionResult:

@@ -46,7 +46,7 @@ class Hands(Protocol):
         """Make a move, before which the inventory says what stands where; returns when the hand is drawn back.
 
         Raises:
-            HardwareError: it cannot be done; the sentence says why.
+            HandRefused: it cannot be done; the sentence says why.
         """
 
     def do(self, command: MoveHand, inventory: Inventory) -> None:

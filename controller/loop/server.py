@@ -280,7 +280,10 @@ def _complain(sentence: str, status: int) -> int:
 
 @contextlib.contextmanager
 def _ending_by_signal(server: Server) -> Iterator[None]:
-    """SIGINT and SIGTERM have the effect of a shutdown (only the main thread may ask for that)."""
+    """SIGINT, SIGTERM and the terminal's end have the effect of a shutdown; only the main thread may ask for that.
+
+    Where the terminal's end is ignored it goes on being so: somebody wants the program to outlive it.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -288,7 +291,9 @@ def _ending_by_signal(server: Server) -> Iterator[None]:
     def end(_number: int, _frame: FrameType | None) -> None:
         server.ending = True
 
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    outlives = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    numbers = (signal.SIGINT, signal.SIGTERM) if outlives else (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, end) for number in numbers}
     try:
         yield
     finally:

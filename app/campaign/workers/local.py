@@ -189,11 +189,12 @@ class _Slot:
 def _work(link: Connection) -> None:
     """Body of a worker's process: does what it is told until nobody is there any more.
 
-    Ctrl-C at the terminal reaches it too, and is not for it: who has started it decides. SIGTERM breaks off what is
-    being done, and ends it.
+    Ctrl-C at the terminal, and its end, reach it too, and are not for it: who has started it decides. SIGTERM breaks
+    off what is being done, and ends it.
     """
     os.environ.update(ONE_THREAD)  # before anything is loaded that counts cores
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     busy = threading.Event()
 
     def end(_number: int, _frame: FrameType | None) -> None:

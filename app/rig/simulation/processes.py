@@ -112,12 +112,19 @@ def run_world(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int
 
         world = world_of(run_dir, drawing)
         end_loading()
+        _outlive_the_terminal()
         world.run()
     else:
         from hardware.sim.emulated.process import run_emulated
 
         run_emulated(run_dir)
     return 0
+
+
+def _outlive_the_terminal() -> None:
+    """Neither Ctrl-C nor the terminal's end are for a world: the app decides when it ends."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _load_world() -> None:
@@ -138,7 +145,7 @@ def run_simulation(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -
     ``ahead`` and ``drawn`` as of ``run_world``.
     """
     begin_loading()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
+    _outlive_the_terminal()
     drawing = _drawing(run_dir, alone=True) if drawn else None
     from hardware.sim.process.inner_bus import InnerServoBus
     from hardware.sim.process.server import world_of
@@ -227,9 +234,8 @@ def _end_world(rig: RigFile) -> None:
     except ProcessLookupError:
         return
     try:
-        if rig.drives.emulated:  # on no bus there is a goodbye
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(process, signal.SIGTERM)
+        with contextlib.suppress(ProcessLookupError):  # perhaps no controller came that would have said goodbye
+            signal.pidfd_send_signal(process, signal.SIGTERM)
         select.select([process], [], [], WORLD_TIMEOUT)  # its end, whosever child it is: it writes until then
     finally:
         os.close(process)
@@ -336,9 +342,12 @@ def _start_world(rig: RigFile) -> None:
     process = spawn("world", rig)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT
-    while world_pid(rig.run_dir) is None:
-        if process.poll() is not None or time.monotonic() > deadline:
-            process.kill()
-            log = log_of("world", rig.run_dir)
-            raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
-        time.sleep(0.02)
+    try:
+        while world_pid(rig.run_dir) is None:
+            if process.poll() is not None or time.monotonic() > deadline:
+                log = log_of("world", rig.run_dir)
+                raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
+            time.sleep(0.02)
+    except BaseException:  # nobody could tell it to end: it does not listen yet
+        process.kill()
+        raise

@@ -301,15 +301,18 @@ def _require_fit(rig: RigFile) -> None:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """A second Ctrl-C must not leave processes behind; none reaches any other thread than the first."""
+    """A second Ctrl-C must not leave processes behind, nor a shell that tells its jobs of a terminal's end once more;
+    none reaches any other thread than the first.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def require_present(run_dir: Path, recorded: float, period: float) -> None:

@@ -2,13 +2,9 @@
 
 from pathlib import Path
 
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HandRefused
 from hardware.sim.clients import wire
 from hardware.sim.hand.actions import Action, Perform
-
-
-class HandRefused(HardwareError):
-    """The person cannot do what was asked; the message says why."""
 
 
 class SimHand(wire.WorldClient):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hardware.camera.software_device import SoftwareCamera
-from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, Intrinsics, RigGone, StaleFrame
 from hardware.sim.clients import wire
 from hardware.sim.clients.camera import connect_camera, depth_stream
 from hardware.sim.render.d435 import GLANCE
@@ -116,7 +116,7 @@ class SimWatchCamera:
             except TimeoutError:
                 continue
             except OSError as error:
-                raise HardwareError(f"the world does not answer ({error.strerror}): see its log") from error
+                raise RigGone(f"the world does not answer ({error.strerror}): see its log") from error
             return wire.understood(message)
         raise CameraClosed
 
@@ -140,4 +140,4 @@ class SimWatchCamera:
             with self._sending:
                 self._link.send(json.dumps(message).encode())
         except OSError as error:
-            raise HardwareError(f"the world does not answer ({error}); its log is in the run directory") from error
+            raise RigGone(f"the world does not answer ({error}); its log is in the run directory") from error

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from hardware.frozen import Frozen
-from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
+from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement, RigGone
 from hardware.sim.render.settings import ExposureSettings, LightSettings, MountSettings
 
 SOCKET_NAME = "world.sock"
@@ -300,7 +300,7 @@ def _lost(link: socket.socket, error: OSError) -> HardwareError:
     if isinstance(error, TimeoutError):
         link.close()  # a late answer would be taken for that of the next question
         return HardwareError("the world does not answer in time; its log is in the run directory")
-    return HardwareError(f"the world does not answer ({error.strerror}); its log is in the run directory")
+    return RigGone(f"the world does not answer ({error.strerror}); its log is in the run directory")
 
 
 def understood(message: bytes) -> dict[str, Any]:
@@ -314,6 +314,6 @@ def understood(message: bytes) -> dict[str, Any]:
 def decoded(message: bytes) -> dict[str, Any]:
     """An answer of the world, which may refuse; raises ``HardwareError`` if the world is gone."""
     if not message:
-        raise HardwareError("the world has ended; its log is in the run directory")
+        raise RigGone("the world has ended; its log is in the run directory")
     answer: dict[str, Any] = json.loads(message)
     return answer

@@ -113,7 +113,6 @@ class World:
         Raises ``HardwareError`` if the cameras have no OpenGL.
         """
         signal.signal(signal.SIGTERM, self._end)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
         with self.open(), self._punctual():
             if not self._fast:
                 self._live.write_aside()

@@ -65,6 +65,7 @@ IMPORTS = """
 import os, signal, sys, time
 from app.cli.ending import take_interrupts
 
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # a program that is to outlive the terminal starts its own so
 take_interrupts()
 try:
     import interrupted_in_the_middle

@@ -8,7 +8,9 @@ from typing import Any
 import chess
 import pytest
 
+from app.game import GameEnd
 from app.game.human_turn import HumanTurn
+from hardware.interfaces import HardwareError, RigGone
 from vision.reading.outcome import ReadingOutcome, Situation
 
 PUSHED, PROMOTED = "e2e4", "a7a8q"
@@ -54,3 +56,52 @@ def test_a_piece_that_stands_far_off_counts_where_this_very_move_was_typed(
     assert turn.meant == [counts]
     assert [one.uci() for one in turn.accepted] == ([typed] if counts else []), "and it promotes to what was typed"
     assert turn.complained == (not counts)
+
+
+class Listening(HumanTurn):
+    """A turn in which each line is answered by the next of some ends, or errors."""
+
+    def __init__(self, *answers: GameEnd | Exception) -> None:
+        self.answers, self.told = list(answers), list[str]()
+        self._colour, self._remote = chess.WHITE, None
+        self._table: Any = SimpleNamespace(board=chess.Board(), replied=False)
+        self._timing: Any = SimpleNamespace(start=lambda _colour: None)
+        self._human: Any = SimpleNamespace(both=False, refusal=lambda _: None)
+        self._ui: Any = SimpleNamespace(answered=lambda: None)
+
+    def _prompt(self) -> None:
+        pass
+
+    def _heed(self) -> None:
+        pass
+
+    def _flag(self) -> None:
+        pass
+
+    def _listen(self) -> str:
+        return "look"
+
+    def _tell(self, sentence: str) -> None:
+        self.told.append(sentence)
+
+    def _obey(self, command: Any) -> GameEnd:
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+
+LEFT = GameEnd("*", "left", complete=False)
+
+
+def test_a_device_that_fails_is_told_and_may_be_tried_again() -> None:
+    turn = Listening(HardwareError("the camera gives no picture"), LEFT)
+    assert turn.take() is LEFT
+    assert turn.told == ["the camera gives no picture"]
+
+
+def test_where_all_devices_are_gone_nothing_is_tried_again() -> None:
+    turn = Listening(RigGone("the world has ended"), LEFT)
+    with pytest.raises(RigGone):
+        turn.take()
+    assert turn.told == []

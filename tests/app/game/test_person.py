@@ -13,7 +13,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.players.commands import HandVerb, MoveHand, Word
 from app.players.person import Human, PersonGone
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HandRefused
 from hardware.piece_set import Colour, Kind
 from hardware.table import Place, TableSettings
 
@@ -61,7 +61,7 @@ class Hands:
 
     def do(self, command: Any, inventory: Inventory) -> None:
         if self.refuses:
-            raise HardwareError("the white king stands there: move that first")
+            raise HandRefused("the white king stands there: move that first")
         self.did.append(command)
 
     def withdraw(self) -> None:
@@ -186,6 +186,6 @@ def test_hands_begin_and_draw_back_once_the_arm_rests() -> None:
     arm: Any = Arm()
     SettledHands(Clumsy(), arm).do(MoveHand(HandVerb.KNOCK, (Place.parse("e4"),)), STANDS)
     assert order == ["rests", "does"]
-    with pytest.raises(HardwareError):
+    with pytest.raises(HandRefused):
         SettledHands(Clumsy(refuses=True), arm).do(MoveHand(HandVerb.KNOCK, (Place.parse("e4"),)), STANDS)
     assert order[2:] == ["rests", "does", "rests", "withdraws"]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from app.pieces.inventory import Inventory
 from app.play.simulated_hand import SimHands
 from app.players.commands import CommandError, HandVerb, MoveHand, parse_hand
-from hardware.sim.clients.hand import HandRefused
+from hardware.interfaces import HandRefused
 from hardware.table import Place, TableSettings
 
 PLACES = st.sampled_from([f"{file}{rank}" for file in "abcdefgh" for rank in range(1, 9)] + ["L3", "R24", "BL7", "BR1"])

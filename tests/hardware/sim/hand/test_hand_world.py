@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from hardware.interfaces import Command, DriveStatus, HardwareError
+from hardware.interfaces import Command, DriveStatus, HandRefused, HardwareError
 from hardware.parameters import load_parameters
 from hardware.piece_set import Colour, Kind
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
-from hardware.sim.clients.hand import HandRefused, SimHand
+from hardware.sim.clients.hand import SimHand
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
