@@ -7,7 +7,7 @@ import gc
 import os
 import sys
 
-from app.cli.ending import take_interrupts
+from app.cli.ending import INTERRUPTED, take_interrupts
 
 
 def main() -> None:
@@ -27,5 +27,5 @@ def main() -> None:
 
         app()
     except KeyboardInterrupt:  # before a command was found
-        print("touchmove: interrupted; nothing is still running", file=sys.stderr)
+        print(f"touchmove: {INTERRUPTED}", file=sys.stderr)
         sys.exit(130)

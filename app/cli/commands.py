@@ -13,7 +13,7 @@ from typer.exceptions import TyperException
 from app.cli.campaign import campaign
 from app.cli.dataset import dataset
 from app.cli.devices import calibrate, check, commission, controller, identify, link_test, world
-from app.cli.ending import fail
+from app.cli.ending import INTERRUPTED, fail
 from app.cli.games import demo, play, puzzle, replay, resume, setup, show_config
 from app.cli.linked import host, join
 from app.cli.measuring import bench, figures, vision
@@ -31,12 +31,18 @@ def _one_sentence() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        fail("interrupted; nothing is still running", 130)
+        fail(INTERRUPTED, 130)
     except TyperException as error:
         sentence = error.format_message()
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
             raise
         fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' lists the options")
+    except Exception as error:
+        if KeyboardInterrupt.__name__ not in str(
+            error
+        ):  # pydantic's errors name what went wrong in what they had called
+            raise
+        fail(INTERRUPTED, 130)
 
 
 class _Commands(TyperGroup):

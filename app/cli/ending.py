@@ -37,6 +37,7 @@ PIPED_WIDTH = 160
 """Of tables that go into a file or to another program: nothing of them is folded [characters]."""
 
 
+INTERRUPTED: Final = "interrupted; nothing is still running"
 _IMPORTS: Final = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
 """Where Python's own code stands that runs while a module is loaded."""
 _LONGEST_HELD: Final = 5.0
@@ -150,7 +151,7 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        fail("interrupted; nothing is still running", 130)
+        fail(INTERRUPTED, 130)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -8,8 +8,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pydantic
+import pydantic_core
 import pytest
+from typer import Exit
 
+from app.cli.commands import _one_sentence
 from tests.waiting import PATIENCE
 
 SWALLOWS = """
@@ -111,3 +115,29 @@ def test_who_wants_to_outlive_the_terminal_does() -> None:
         "signal.signal(signal.SIGHUP, signal.SIG_IGN)\ntake_interrupts()\nos.kill(os.getpid(), signal.SIGHUP)\n"
     )
     assert subprocess.run([sys.executable, "-P", "-c", program], check=False).returncode == 0
+
+
+class Written(pydantic.BaseModel):
+    """Something whose writing is interrupted."""
+
+    where: str = "here"
+
+    @pydantic.field_serializer("where")
+    def write_where(self, _where: str) -> str:
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_that_a_library_makes_an_error_of_is_one(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(pydantic_core.PydanticSerializationError):
+        Written().model_dump_json()
+    with pytest.raises(Exit) as ended, _one_sentence():
+        Written().model_dump_json()
+    assert (ended.value.exit_code, capsys.readouterr().err) == (
+        130,
+        "touchmove: interrupted; nothing is still running\n",
+    )
+
+
+def test_a_bug_is_no_interrupt() -> None:
+    with pytest.raises(ZeroDivisionError), _one_sentence():
+        raise ZeroDivisionError("a bug")
