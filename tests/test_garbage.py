@@ -275,6 +275,55 @@ def _assert_one_sentence(arguments: list[str]) -> None:
     assert line.startswith("touchmove: "), line
 
 
+WRITERS = (
+    "demo --rig board --out", "replay x.pgn --out", "analyse x.pgn --out", "film x --output", "figures 99 --out",
+    "dataset x --out", "calibrate --rig none.toml --out", "identify --rig none.toml --out", "campaign report x --out",
+    "campaign repeat x 1 --out", "campaign x.toml --games 1 --out",
+)  # fmt: skip
+"""All options that name what is to be written."""
+
+
+@pytest.mark.parametrize("command", WRITERS)
+@pytest.mark.parametrize("name", ["", "  "])
+def test_nothing_is_written_to_a_blank_name(
+    command: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, [*command.split(), name])
+    assert done.exit_code == 2
+    (line,) = done.output.splitlines()
+    assert f"'{command.rsplit(maxsplit=1)[-1]}': '{' ' if name else ''}' is no name: name a file or folder" in line
+    assert not [*tmp_path.iterdir()]
+
+
+def never(*_: object, **__: object) -> None:
+    raise AssertionError("the arm moves before the file is tried")
+
+
+@pytest.mark.parametrize("command", ["calibrate", "identify"])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("/proc/x/y", "/proc/x: No such file or directory: choose another file with --out"),
+        ("notes.txt/y", "File exists: choose another file with --out"),
+        ("notes.txt", "notes.txt exists and is not a"),
+        (".", ". is a folder: name a file in it with --out"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_arm_moves(
+    command: str, name: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("notes.txt").write_text("not to be lost", encoding="utf-8")
+    for module in ("app.commissioning.calibrate", "app.commissioning.identify"):
+        monkeypatch.setattr(f"{module}.open_rig", never)
+    done = CliRunner().invoke(app, [command, "--out", name])
+    assert done.exit_code == 2, done.output
+    (line,) = filter(None, done.output.splitlines())  # where a bar was, an empty line is left
+    assert said in line
+    assert Path("notes.txt").read_text(encoding="utf-8") == "not to be lost"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

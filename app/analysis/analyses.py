@@ -13,7 +13,7 @@ from app.analysis.game_analysis import AnalysedGame, analysis_of
 from app.analysis.model import Analyses, GameAnalysis
 from app.analysis.sources import game_of_record, games_of_pgn
 from app.players.ending import plies_in_words
-from app.records.files import recording
+from app.records.files import check_folder
 from app.records.rounds import match_folder, rounds_of
 from engine.stockfish import Engine
 
@@ -46,9 +46,8 @@ def analyse_games(
         if path.is_dir()
         else ((files_in(out or path.parent, path.stem), games_of_pgn(path)),)
     )
-    if out is not None:
-        with recording(out):
-            out.mkdir(parents=True, exist_ok=True)
+    for folder in {files.json.parent for files, _ in batches}:
+        check_folder(folder)
     found, written = list[GameAnalysis](), list[Path]()
     count = sum(len(games) for _, games in batches)
     with analysis_engine(settings) as engine:

@@ -39,7 +39,13 @@ def run(
     file: Annotated[Path, typer.Argument(help="TOML file of the campaign; docs/campaign.md says what is in it.")],
     games: Annotated[int, typer.Option(min=1, help="Games in all; a larger number later goes on.")],
     output: Annotated[
-        Path | None, typer.Option("--out", help="Folder of the campaign; campaigns/<name of the file> by default.")
+        Path | None,
+        typer.Option(
+            "--out",
+            parser=options.written,
+            metavar="PATH",
+            help="Folder of the campaign; campaigns/<name of the file> by default.",
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, max=1024, help="Games at a time on this machine; its cores by default.")
@@ -100,7 +106,13 @@ def repeat(
     seed: Annotated[int, typer.Argument(min=0, help="Of the game.")],
     film: Annotated[bool, typer.Option("--film", help="Film it from its beginning to its end.")] = False,
     output: Annotated[
-        Path | None, typer.Option("--out", help="Folder of the game; games/<seed>-again of the campaign by default.")
+        Path | None,
+        typer.Option(
+            "--out",
+            parser=options.written,
+            metavar="PATH",
+            help="Folder of the game; games/<seed>-again of the campaign by default.",
+        ),
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -129,24 +141,31 @@ def campaign_report(
     ] = None,
     gate: Annotated[Path | None, typer.Option(help="TOML file of bars; status 1 when one of them is missed.")] = None,
     as_json: options.AsJson = False,
-    out: Annotated[Path | None, typer.Option(help="File of the page; report.html in the folder, if left out.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            parser=options.written, metavar="PATH", help="File of the page; report.html in the folder, if left out."
+        ),
+    ] = None,
 ) -> None:
     """What a campaign proves, as a page: rates with bounds, figures against their bars, what explains failures."""
     from app import UserError
     from app.campaign.report.findings import findings
     from app.campaign.report.gate import load_bars
-    from app.campaign.report.page import campaign_page
+    from app.campaign.report.page import KIND, MARK, campaign_page
     from app.campaign.report.reading import read_rows
     from app.campaign.report.sentences import all_sentences
     from app.campaign.report.summary import summary_json
-    from app.records.files import write_atomically
+    from app.records.files import check_output, write_atomically
     from app.report import REPORT_PAGE
 
     page = folder / REPORT_PAGE if out is None else out
     try:
         bars = None if gate is None else load_bars(gate)
         older = None if compare is None else read_rows(compare)
-        found = findings(read_rows(folder), older, bars)
+        rows = read_rows(folder)
+        check_output(page, KIND, MARK)
+        found = findings(rows, older, bars)
         write_atomically(page, campaign_page(found))
     except UserError as error:
         fail(str(error))

@@ -33,7 +33,7 @@ def _one_sentence() -> Iterator[None]:
     except KeyboardInterrupt:
         fail(INTERRUPTED, 130)
     except TyperException as error:
-        sentence = error.format_message()
+        sentence = error.format_message().replace("Value error, ", "")
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
             raise
         fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' lists the options")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.ending import ask, fail, run_process, say, show_report
 
 if TYPE_CHECKING:
@@ -86,7 +87,12 @@ def check(
 def calibrate(
     rig: _Rig = "sim",
     out: Annotated[
-        Path | None, typer.Option(help="File to write; if left out, the rig file's, or games/calibration.json.")
+        Path | None,
+        typer.Option(
+            parser=options.written,
+            metavar="PATH",
+            help="File to write; if left out, the rig file's, or games/calibration.json.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
 ) -> None:
@@ -100,7 +106,11 @@ def identify(
     rig: _Rig = "sim",
     out: Annotated[
         Path | None,
-        typer.Option(help="Parameters file to write; if left out, identified.toml beside the rig file or in games/."),
+        typer.Option(
+            parser=options.written,
+            metavar="PATH",
+            help="Parameters file to write; if left out, identified.toml beside the rig file or in games/.",
+        ),
     ] = None,
     pole_pairs: Annotated[
         int,

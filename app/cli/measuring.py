@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.ending import fail, say, show_report
 
 
@@ -16,7 +17,9 @@ def figures(
     ],
     move: Annotated[str, typer.Argument(help="For figure move: the move to draw, SAN or UCI.")] = "e2e4",
     fen: Annotated[str | None, typer.Option(help="For figure move: the position.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the pictures and their numbers.")] = Path("games/figures"),
+    out: Annotated[
+        Path, typer.Option(parser=options.written, metavar="PATH", help="Folder for the pictures and their numbers.")
+    ] = Path("games/figures"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
 ) -> None:
     """Compute a figure: pictures, and their numbers as JSON."""

@@ -60,7 +60,12 @@ def analyse(
         int, typer.Option(min=1, max=10, help="Best lines of each position; more than one share its nodes or time.")
     ] = 1,
     engine: options.EnginePath = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the files; by default where the game lies.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            parser=options.written, metavar="PATH", help="Folder for the files; by default where the game lies."
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the analysis as JSON.")] = False,
 ) -> None:
     """An engine evaluates every move of a game, names mistakes and says why, as JSON and PGN."""
@@ -96,7 +101,10 @@ def film(
     begin: Annotated[float, typer.Option("--from", min=0.0, help="Start this long after the first picture [s].")] = 0.0,
     length: Annotated[float | None, typer.Option(min=0.1, help="Maximum length [s].")] = None,
     fine: Annotated[bool, typer.Option("--fine", help="Smooth edges and shadows; takes three times as long.")] = False,
-    output: Annotated[Path | None, typer.Option(help="File to write; if left out, in the folder.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(parser=options.written, metavar="PATH", help="WebM file to write; if left out, in the folder."),
+    ] = None,
 ) -> None:
     """Draw a film of a simulated game from the positions in its record. Ctrl-C cancels it."""
     from pydantic import ValidationError

@@ -26,7 +26,15 @@ from app.rig.devices import Rig
 from app.rig.factory import choose_rig, open_rig
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import NO_PIECES, own_rig
-from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
+from app.settings.calibration import (
+    CalibratedBoard,
+    Calibration,
+    Pinhole,
+    as_rows,
+    check_calibration_file,
+    residuals,
+    write_calibration,
+)
 from app.terminal.report_table import judged, rows_table
 from controller.wire.errors import ControllerError
 from hardware.frozen import Frozen
@@ -194,10 +202,11 @@ def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateR
     ``out`` None: the rig file's ``calibration``, or ``games/calibration.json`` of a simulation.
 
     Raises:
-        UserError: there is no such rig, or a device failed.
+        UserError: there is no such rig, the file cannot be written, or a device failed.
     """
     rig = choose_rig(name)
     path = out or (rig.calibration if rig is not None else GAMES / FILE)
+    check_calibration_file(path)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="touchmove-")))
         used = rig or own_rig(folder / "run", WorldSection(pace=Pace.FAST, fen=NO_PIECES))

@@ -14,7 +14,7 @@ from rich.console import Group, RenderableType
 from app import UserError
 from app.commissioning.identification.estimation import Identification, identify
 from app.commissioning.identification.excitation import Excitation
-from app.commissioning.identification.robot_file import robot_text, write_robot
+from app.commissioning.identification.robot_file import check_robot_file, robot_text, write_robot
 from app.commissioning.identification.survey import DURATION, Meter, survey
 from app.records.files import GAMES
 from app.rig.factory import choose_rig, open_rig
@@ -89,10 +89,11 @@ def run_identify(
     servomotors; 0: their ripple is not looked for.
 
     Raises:
-        UserError: there is no such rig, a device failed, or the data tell of no robot.
+        UserError: there is no such rig, the file cannot be written, a device failed, or the data tell of no robot.
     """
     rig = choose_rig(name)
     path = out or (Path(name).parent / FILE if rig is not None else GAMES / FILE)
+    check_robot_file(path)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="touchmove-")))
         used = rig or own_rig(folder / "run", WorldSection(pace=Pace.FAST, fen=NO_PIECES, cameras=False))

@@ -8,6 +8,7 @@ import json
 import os
 import re
 import stat
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -37,7 +38,9 @@ class RecordError(UserError):
     """A file of the record cannot be written or read."""
 
 
-_MAKE_ROOM: Final = "free some space or choose another folder with --out"
+_ELSEWHERE: Final = "choose another folder with --out"
+_BEGINNING: Final = 4096
+"""Of a file: so much says what kind it is [bytes]."""
 _ROOM: Final = 1 << 24
 """What a simulation may need for its model, its state and its pictures [bytes]; with less it is not begun."""
 
@@ -49,8 +52,9 @@ def full_disk(folder: Path) -> str | None:
         with path.open("wb") as file:
             os.posix_fallocate(file.fileno(), 0, _ROOM)
     except OSError as error:
-        return _no_room(folder, error) and (
-            f"the disk at {_disk_of(folder)} has less than {_ROOM >> 20} MiB left for {folder}: {_MAKE_ROOM}"
+        return _no_room(folder, error, _ELSEWHERE) and (
+            f"the disk at {_disk_of(folder)} has less than {_ROOM >> 20} MiB left for {folder}: "
+            f"free some space or {_ELSEWHERE}"
         )
     finally:
         with suppress(OSError):
@@ -63,16 +67,20 @@ def _disk_of(path: Path) -> Path:
     return next(one for one in (path, *path.absolute().parents) if one.is_mount())
 
 
-def _no_room(path: Path, error: OSError) -> str | None:
+def _no_room(path: Path, error: OSError, remedy: str) -> str | None:
     """A sentence that names disk and path where an error says that the disk is full."""
     if error.errno not in _FULL:
         return None
-    return f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)}): {_MAKE_ROOM}"
+    return f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)}): free some space or {remedy}"
 
 
 @contextmanager
-def recording(path: Path) -> Iterator[None]:
+def recording(path: Path, remedy: str = _ELSEWHERE) -> Iterator[None]:
     """Turn a failure of the file system into a sentence about ``path``; for any file of a record, also a video.
+
+    Args:
+        path: what is written.
+        remedy: what a person can do about it.
 
     Raises:
         RecordError: the disk is full, or the path cannot be written.
@@ -80,9 +88,48 @@ def recording(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if full := _no_room(path.absolute(), error):
+        if full := _no_room(path.absolute(), error, remedy):
             raise RecordError(full) from error
-        raise RecordError(f"{path}: {error.strerror or error}: choose another folder with --out") from error
+        raise RecordError(f"{path}: {error.strerror or error}: {remedy}") from error
+
+
+def check_folder(folder: Path, remedy: str = _ELSEWHERE) -> None:
+    """Make a folder, and see before the work is done whether files can be made in it.
+
+    Raises:
+        RecordError: they cannot.
+    """
+    with recording(folder, remedy):
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+
+
+def check_output(path: Path, kind: str, mark: bytes, option: str = "--out") -> None:
+    """See before the work is done whether a file that a person may name can be written; its folder is made.
+
+    It may replace its like, or an empty file, but nothing else: what lies there may be the only copy of a game.
+
+    Args:
+        path: of the file.
+        kind: what is written, such as "a film".
+        mark: what all files of the kind contain, near their beginning.
+        option: that names the file.
+
+    Raises:
+        RecordError: it cannot be written, or is of another kind.
+    """
+    remedy = f"choose another file with {option}"
+    with recording(path, remedy):
+        if path.is_dir():
+            raise RecordError(f"{path} is a folder: name a file in it with {option}")
+        if path.exists() and not path.is_file():  # a device or a pipe would be replaced as well
+            raise RecordError(f"{path} is not an ordinary file: {remedy}")
+        if path.exists():
+            with path.open("rb") as file:
+                beginning = file.read(_BEGINNING)
+            if beginning and mark not in beginning:
+                raise RecordError(f"{path} exists and is not {kind}: {remedy}")
+    check_folder(path.parent, remedy)
 
 
 def new_folder(parent: Path, now: datetime) -> Path:

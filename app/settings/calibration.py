@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError, model_validator
 
 from app import UserError
-from app.records.files import recording, write_atomically
+from app.records.files import check_output, write_atomically
 from hardware.frozen import FrozenFinite
 from hardware.interfaces import Intrinsics
 from hardware.table import MOST_YAW, TableSettings
@@ -172,14 +172,22 @@ def as_rows(pose: Array) -> tuple[Row, Row, Row, Row]:
     return a, b, c, d
 
 
+def check_calibration_file(path: Path) -> None:
+    """See before the arm moves whether the file can be written.
+
+    Raises:
+        RecordError: it cannot, or would replace a file that is no calibration.
+    """
+    check_output(path, "a calibration", b'"camera_from_base"')
+
+
 def write_calibration(path: Path, calibration: Calibration) -> None:
     """Write the file; the one before it stays until the new one is whole.
 
     Raises:
-        RecordError: it cannot be written.
+        RecordError: it cannot be written, or would replace a file that is no calibration.
     """
-    with recording(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    check_calibration_file(path)
     write_atomically(path, calibration.model_dump_json(indent=2) + "\n")
 
 

@@ -33,6 +33,10 @@ from app.report.figures_of_plies import Chart, DataTable, folded
 from app.report.markup import Html, joined, tag
 from app.report.parts import document, figure, scrolling, section
 
+KIND: Final = "the report of a campaign"
+_TITLE: Final = "report of a campaign"
+MARK: Final = f": {_TITLE}</title>".encode()
+"""What every such page has, and no other file."""
 MOST_FAILURES: Final = 500
 """So many are listed; the others are in the results."""
 
@@ -53,7 +57,7 @@ def campaign_page(found: CampaignFindings) -> str:
         section("failures", "Failures", _failures(found)),
         section("speed", "How fast it was played", _speed(found)),
     ]
-    return document(f"{name}: report of a campaign", _header(found, name), tag("main", *sections), _footer())
+    return document(f"{name}: {_TITLE}", _header(found, name), tag("main", *sections), _footer())
 
 
 def _header(found: CampaignFindings, name: str) -> Html:

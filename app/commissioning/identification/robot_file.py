@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from app.commissioning.identification.estimation import Estimate, Identification
-from app.records.files import write_atomically
+from app.records.files import check_output, write_atomically
 from app.settings.toml import toml_value
 from hardware.parameters import RobotParameters
 
+_BY: Final = "as 'touchmove identify' found it"
+"""Stands in the head of every such file."""
 _MOVING: Final = ("flange_mass", "gripper_body_mass", "finger_mass")
 _SHARED: Final = "identified together with all that moves with the tool; how it is divided is assumed"
 _OVERRULED: Final = "assumed; [arms] overrides it"
@@ -33,7 +35,7 @@ def robot_text(found: Identification, made: datetime, how: str) -> str:
     robot = found.parameters
     untold = [one.name for one in found.estimates if not one.told]
     lines = [
-        f"# A delta robot as 'touchmove identify' found it, {made.isoformat(timespec='seconds')}, {how}.",
+        f"# A delta robot {_BY}, {made.isoformat(timespec='seconds')}, {how}.",
         "# Values are SI. Bands are half of the 95 % interval. Base parameters (docs/commissioning.md):",
         *(f"#   {_said(one)}" for one in found.estimates),
         f"# The data could not determine: {', '.join(untold)}; these keep their previous values."
@@ -48,14 +50,23 @@ def robot_text(found: Identification, made: datetime, how: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def check_robot_file(path: Path) -> None:
+    """See before the robot moves whether the file can be written.
+
+    Raises:
+        RecordError: it cannot, or would replace a file that was not written by this program.
+    """
+    check_output(path, "a file of 'touchmove identify'", _BY.encode())
+
+
 def write_robot(path: Path, text: str) -> None:
     """Write the file; the one before it stays until the new one is whole and was read.
 
     Raises:
-        RecordError: it cannot be written.
+        RecordError: it cannot be written, or would replace a file that was not written by this program.
     """
     RobotParameters.model_validate(tomllib.loads(text))
-    path.parent.mkdir(parents=True, exist_ok=True)
+    check_robot_file(path)
     write_atomically(path, text)
 
 

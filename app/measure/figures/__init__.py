@@ -19,6 +19,7 @@ from app.measure.figures.result import FigureResult, Progress, save
 from app.measure.figures.separation import separation
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
+from app.records.files import check_folder
 
 FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
     "5": figure_5, "6": figure_6, "7": figure_7, "9": figure_9, "newton": newton, "encoder": encoder, "touch": touch,
@@ -46,7 +47,7 @@ def make_figure(
 
     Raises:
         UserError: there is no such figure, or a move or a position is given for another one than ``move``.
-        FolderUnusable: the folder cannot be written.
+        RecordError, FolderUnusable: the folder cannot be written.
         HardwareError: a figure needs OpenGL, and there is none.
     """
     if name == "move":
@@ -55,4 +56,5 @@ def make_figure(
         raise UnknownFigure(name)
     if move != MOVE or fen is not None:
         raise UserError(f"figure {name} shows no single move: leave out move and --fen, or draw figure move")
+    check_folder(folder)
     return save(name, FIGURES[name](progress), folder)

@@ -15,7 +15,7 @@ from typing import Annotated, Final
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from app import UserError
-from app.records.files import FILM_FILE, TRAJECTORY_FILE, recording
+from app.records.files import FILM_FILE, TRAJECTORY_FILE, check_output, recording
 from hardware.frozen import FrozenFinite
 from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
@@ -25,6 +25,12 @@ Point = tuple[float, float, float]
 Side = Annotated[int, Field(ge=16, le=4096, multiple_of=2)]
 FIELD_OF_VIEW: Final = 46.0
 """Of a view from anywhere, vertical [°]."""
+SUFFIX: Final = ".webm"
+"""Ends the name of every film."""
+_MARK: Final = b"\x1aE\xdf\xa3"
+"""Begins every film: that of EBML, which WebM is."""
+ELSEWHERE: Final = "choose another file with --output of 'touchmove film'"
+"""What can be done about a film that cannot be written; also about one that was to be drawn after a game."""
 _UNFINISHED: Final = ".part"
 """What a film is called while it is drawn, after its name."""
 
@@ -42,7 +48,7 @@ class FilmWish(FrozenFinite):
     positions: Path
     """The game's ``positions.bin``."""
     output: Path
-    """The film; one of the name is replaced."""
+    """The film; one of the name is replaced, but nothing else."""
     camera: str | Standpoint = "film"
     """A view of the simulation, or one from anywhere."""
     width: Side = 640
@@ -105,22 +111,24 @@ def default_output(folder: Path, camera: str | Standpoint) -> Path:
     """Where a film of a game lies unless it is said."""
     if camera == "film":
         return folder / FILM_FILE
-    return folder / (f"game-{camera}.webm" if isinstance(camera, str) else "game-view.webm")
+    return folder / f"game-{camera if isinstance(camera, str) else 'view'}{SUFFIX}"
 
 
 def draw_film(wish: FilmWish, progress: Progress) -> None:
     """Draw a film, in a process of its own; what was drawn is dropped if this is interrupted or fails.
 
     Raises:
-        FilmFailed: nothing was recorded, there is no OpenGL here, or the film cannot be written.
+        FilmFailed: nothing was recorded, or there is no OpenGL here.
+        RecordError: the film cannot be written, or would replace what is no film.
     """
+    if wish.output.suffix.lower() != SUFFIX:
+        raise FilmFailed(f"--output {wish.output}: a film is written as WebM: give its name the ending {SUFFIX}")
+    check_output(wish.output, "a film", _MARK, "--output")
     try:
         if TrajectoryFile(wish.positions).span() is None:
             raise FilmFailed(f"{wish.positions} contains no frame yet: film the game once it has begun")
     except HardwareError as error:
         raise FilmFailed(str(error)) from error
-    with recording(wish.output):
-        wish.output.parent.mkdir(parents=True, exist_ok=True)
     part = wish.output.with_name(wish.output.name + _UNFINISHED)
     unfinished = wish.model_copy(update={"output": part})
     with ExitStack() as leaving:
@@ -134,7 +142,7 @@ def draw_film(wish: FilmWish, progress: Progress) -> None:
             last = process.stderr.read().strip().splitlines()[-1:]
         if process.returncode != 0:
             raise FilmFailed(last[0] if last else f"the film's process ended with status {process.returncode}")
-        with recording(wish.output):
+        with recording(wish.output, ELSEWHERE):
             part.replace(wish.output)
 
 

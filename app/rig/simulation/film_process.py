@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from app.records import RecordError, recording
 from app.records.film_start import BEGINS
-from app.rig.simulation.film import FIELD_OF_VIEW, FilmWish, Standpoint
+from app.rig.simulation.film import ELSEWHERE, FIELD_OF_VIEW, FilmWish, Standpoint
 from hardware.interfaces import HardwareError
 from hardware.sim.plant.trajectory import TrajectoryFile, TrajectoryFrame
 from hardware.sim.process.construction import Construction
@@ -89,7 +89,7 @@ class Encoder:
 
     def _run(self) -> None:
         try:
-            with recording(self.path):
+            with recording(self.path, ELSEWHERE):
                 self._encode()
         except (RecordError, FFmpegError) as error:
             self.error = error

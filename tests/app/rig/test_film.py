@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 from pathlib import Path
 
 import av
@@ -115,7 +116,8 @@ def test_game_that_broke_off_is_filmed_up_to_there(recorded: Path, tmp_path: Pat
 
 
 def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) -> None:
-    (tmp_path / FILM_FILE).write_bytes(b"an older one")
+    older = b"\x1aE\xdf\xa3 an older one"
+    (tmp_path / FILM_FILE).write_bytes(older)
     drawn = list[tuple[float, float]]()
 
     def interrupted(*so_far: float) -> None:
@@ -130,7 +132,7 @@ def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) 
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(drawn) == 1
-    assert (tmp_path / FILM_FILE).read_bytes() == b"an older one"
+    assert (tmp_path / FILM_FILE).read_bytes() == older
     assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]
 
 
@@ -146,6 +148,33 @@ def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
         draw(recorded, tmp_path / FILM_FILE, begin=9.0)
     with pytest.raises(UserError, match="simulations that are drawn and filmed record positions"):
         positions_of(tmp_path / "elsewhere")
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("events.jsonl", r"a film is written as WebM: give its name the ending \.webm$"),
+        ("film.xyz", r"a film is written as WebM: give its name the ending \.webm$"),
+        ("other.webm", r"exists and is not a film: choose another file with --output$"),
+        ("folder.webm", r"is a folder: name a file in it with --output$"),
+        ("device.webm", r"is not an ordinary file: choose another file with --output$"),
+        ("other.webm/film.webm", r"(File exists|Not a directory): choose another file with --output$"),
+        ("/proc/x/film.webm", r"^/proc/x: No such file or directory: choose another file with --output$"),
+    ],
+)
+def test_a_film_replaces_nothing_but_a_film_and_is_refused_before_it_is_drawn(
+    name: str, sentence: str, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(subprocess, "Popen")  # nothing is drawn
+    for kept in ("events.jsonl", "other.webm"):
+        (tmp_path / kept).write_bytes(b"the only copy of a game")
+    (tmp_path / "folder.webm").mkdir()
+    (tmp_path / "device.webm").symlink_to("/dev/null")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(UserError, match=sentence):
+        draw(recorded, tmp_path / name)
+    assert sorted(tmp_path.iterdir()) == before
+    assert (tmp_path / "events.jsonl").read_bytes() == (tmp_path / "other.webm").read_bytes()
 
 
 def test_views_are_named_or_given_by_two_points(tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ def test_it_writes_the_page_and_says_what_was_found(folder: Path) -> None:
     assert "12 games" in Walk((folder / "new" / "report.html").read_text()).text
     assert run(folder / "old", "--out", folder / "page.html").exit_code == 0
     assert (folder / "page.html").is_file()
+    assert run(folder / "old", "--out", folder / "page.html").exit_code == 0, "a page of the kind is replaced"
     assert not (folder / "old" / "report.html").exists()
 
 
@@ -64,7 +65,19 @@ def test_what_cannot_be_done_is_one_sentence_and_leaves_no_page(folder: Path) ->
         ((folder / "new", "--compare", folder), "there is no result of a campaign"),
         ((folder / "new", "--gate", folder / "none.toml"), "cannot be read"),
         ((folder / "new", "--gate", folder / "bars.toml"), "say which, by --compare"),
-        ((folder / "new", "--out", folder / "none" / "page.html"), "none"),
+        (
+            (folder / "new", "--out", "/proc/none/page.html"),
+            "/proc/none: No such file or directory: choose another file",
+        ),
+        ((folder / "new", "--out", folder / "new"), "new is a folder: name a file in it with --out"),
+        (
+            (folder / "new", "--out", folder / "bars.toml"),
+            "bars.toml exists and is not the report of a campaign: choose",
+        ),
+        (
+            (folder / "new", "--out", folder / "new" / "results.jsonl"),
+            "results.jsonl exists and is not the report of a",
+        ),
     ):
         ended = run(*arguments)
         assert ended.exit_code == 2
