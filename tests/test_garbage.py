@@ -325,6 +325,22 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_arm_moves(
 
 
 @pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "is damaged: bring it back from a copy, or take that of another game which was started with the same"),
+        ("[]", "is damaged: bring it back from a copy, or take that of another game which was started with the same"),
+        ('{"new": 1}', "is of another version: continue with the version that wrote it"),
+    ],
+)
+def test_damaged_settings_of_a_game_are_not_taken_for_another_version(content: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "settings.json").write_text(content, encoding="utf-8")
+    done = CliRunner().invoke(app, ["resume", str(tmp_path), "--headless"])
+    assert done.exit_code == 2
+    (line,) = done.output.splitlines()
+    assert f"settings.json {said}" in line
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (

@@ -9,9 +9,9 @@ from pathlib import Path
 import chess.pgn
 
 from app.analysis.game_analysis import AnalysedGame
-from app.records.events import StartEvent, read_events, unsaid
+from app.records.events import StartEvent, unsaid
 from app.records.files import EVENTS_FILE
-from app.records.history import counted_plies
+from app.records.history import counted_plies, read_events
 from app.records.recorded_games import RecordedGame, recorded_games
 
 

@@ -11,9 +11,9 @@ import chess
 
 from app import UserError
 from app.dataset.words import task_of
-from app.records.events import AnyEvent, PlyEvent, StartEvent, StepEvent, read_events
-from app.records.files import AGAIN, EVENTS_FILE, GAME, GAMES, RecordError
-from app.records.history import RecordState
+from app.records.events import AnyEvent, PlyEvent, StartEvent, StepEvent
+from app.records.files import AGAIN, EVENTS_FILE, GAME, GAMES
+from app.records.history import RecordState, read_events
 from app.records.rounds import match_folder, rounds_of
 
 _SET_UP: Final = "set-up-"
@@ -121,12 +121,9 @@ def _name(game: Path, base: Path) -> str:
 def _plies(folder: Path, name: str, said: Callable[[str], None]) -> Iterator[RecordedPly]:
     path = folder / EVENTS_FILE
     events = read_events(path, said)
-    if not events or not isinstance(events[0], StartEvent):
-        raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
-    try:
-        yield from _played(events[0], events, name)
-    except (ValueError, IndexError) as error:
-        raise RecordError(f"{path} contradicts itself: {error}") from error
+    start = events[0]
+    assert isinstance(start, StartEvent)
+    yield from _played(start, events, name)
 
 
 def _played(start: StartEvent, events: tuple[AnyEvent, ...], name: str) -> Iterator[RecordedPly]:

@@ -17,8 +17,8 @@ from app.play.match import last_round, match_of
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
 from app.players.person import Lines
-from app.records import EVENTS_FILE
-from app.records.events import StartEvent, read_events
+from app.records import EVENTS_FILE, read_events
+from app.records.events import StartEvent
 from app.rig.simulation.ahead import RigAhead
 from app.settings.defaults import OnlineUse, PlayerKind, PracticeSection, Settings
 from app.settings.files import kept_settings

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.records.events import EndEvent, GameSetup, PlyEvent, PlyOutcome, StartEvent, StepEvent, read_events
+from app.records.events import EndEvent, GameSetup, PlyEvent, PlyOutcome, StartEvent, StepEvent
 from app.records.files import EVENTS_FILE, RecordError, new_folder, recording
 from app.records.game import FRAMES, GameRecord, utc_now
-from app.records.history import History, read_history
+from app.records.history import History, read_events, read_history
 from app.records.report import Report, summarise
 from app.records.robot import ROBOT_FILE, RobotRecord, kept_robot
 

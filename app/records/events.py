@@ -5,7 +5,7 @@ Places are written as on the table: ``e4``, ``L3``, ``R24``. A field that only a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -19,7 +19,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 from app.pieces.inventory import Inventory, MoveKind, Ply, Stage, Transfer
 from app.pieces.layout import colour_of
 from app.players.ending import Result
-from app.records.files import RecordError, whole_lines
+from app.records.files import RecordError, is_object
 from hardware.frozen import Frozen
 from hardware.piece_set import Colour, Kind
 
@@ -355,44 +355,25 @@ def score_of(text: str) -> chess.engine.PovScore:
     return chess.engine.PovScore(score, chess.WHITE)
 
 
+MENDED: Final = "correct it, or remove it and all lines after it: the game before it is kept"
+"""What can be done about a line of a record that is wrong."""
+
+
 def unsaid(_sentence: str) -> None:
     """For those whom nobody listens to."""
-
-
-def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEvent, ...]:
-    """Read ``events.jsonl``; a last line that a crash cut short or garbled is left out, and ``said`` is told so.
-
-    Raises:
-        RecordError: the file cannot be read, another line is no event, or another game starts in it.
-    """
-    try:
-        lines, left_out = whole_lines(path.read_bytes())
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
-    events = tuple(read_event(path, number, line) for number, line in enumerate(lines, start=1))
-    for number, event in enumerate(events[1:], start=2):
-        if isinstance(event, StartEvent):
-            raise RecordError(
-                f"{path}, line {number}, starts another game, but a record holds one: "
-                "keep the lines of one game, or name another folder"
-            )
-    if left_out:
-        said(
-            f"{path}, line {len(lines) + 1}, the last one, is cut off or garbled and was skipped: everything before "
-            "it is complete"
-        )
-    return events
 
 
 def read_event(path: Path, number: int, line: bytes) -> AnyEvent:
     """One line of ``events.jsonl``, from 1.
 
     Raises:
-        RecordError: it is no event of this version.
+        RecordError: it is damaged, or no event of this version.
     """
     try:
         return _EVENT.validate_json(line)
     except ValidationError as error:
+        if not is_object(line):
+            raise RecordError(f"{path}, line {number}, is damaged: {MENDED}") from error
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "the line"
         reason = f"{field}: {first['msg']}: read it with the version that wrote it"

@@ -185,11 +185,15 @@ def whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
         lines.pop()
     if not lines:
         return [], b""
+    return (lines, b"") if is_object(lines[-1]) else (lines[:-1], lines[-1] or b"\n")
+
+
+def is_object(content: bytes) -> bool:
+    """Whether this is a JSON object; what one of our programs has written and is none, was damaged since."""
     try:
-        whole = isinstance(json.loads(lines[-1]), dict)
+        return isinstance(json.loads(content), dict)
     except (ValueError, RecursionError):
-        whole = False
-    return (lines, b"") if whole else (lines[:-1], lines[-1] or b"\n")
+        return False
 
 
 def make_folder(folder: Path) -> None:

@@ -10,6 +10,7 @@ import chess
 
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.records.events import (
+    MENDED,
     AnyEvent,
     EndEvent,
     FoundEvent,
@@ -22,10 +23,10 @@ from app.records.events import (
     TaskDroppedEvent,
     TaskEvent,
     TransferRecord,
-    read_events,
+    read_event,
     unsaid,
 )
-from app.records.files import RecordError
+from app.records.files import RecordError, whole_lines
 from hardware.piece_set import Colour
 from hardware.table import PieceSpec, Place, TableSettings
 
@@ -111,6 +112,8 @@ class RecordState:
         self.ended = isinstance(event, EndEvent)
         match event:
             case PlyEvent():
+                if event.ply != len(self.plies) + 1:
+                    raise ValueError(f"ply {event.ply} follows ply {len(self.plies)}")
                 if self.board is not None:
                     self.board.push_uci(event.uci)
                 self.plies.append(event)
@@ -153,28 +156,69 @@ def persons_side(events: Iterable[AnyEvent]) -> Colour | None:
     return next((event.person for event in reversed([*events]) if isinstance(event, SideEvent)), None)
 
 
+def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEvent, ...]:
+    """Read ``events.jsonl``: one game that begins with its start, in which every line can follow those before.
+
+    A last line that a crash cut short or garbled is left out, and ``said`` is told so.
+
+    Raises:
+        RecordError: the file cannot be read, another line is no event, does not follow or starts another game.
+    """
+    return _read(path, said)[0]
+
+
+def _read(path: Path, said: Callable[[str], None]) -> tuple[tuple[AnyEvent, ...], RecordState]:
+    """The events, and what they come to."""
+    try:
+        lines, left_out = whole_lines(path.read_bytes())
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
+    events = tuple(read_event(path, number, line) for number, line in enumerate(lines, start=1))
+    if not events or not isinstance(events[0], StartEvent):
+        raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
+    try:
+        state = RecordState.after(events[:1], chess.Board(events[0].fen, chess960=events[0].chess960))
+    except ValueError as error:
+        raise RecordError(f"{path} starts from no position: {error}: correct its first line") from error
+    for number, event in enumerate(events[1:], start=2):
+        if isinstance(event, StartEvent):
+            raise RecordError(
+                f"{path}, line {number}, starts another game, but a record holds one: "
+                "keep the lines of one game, or name another folder"
+            )
+        try:
+            state.take(event)
+        except (ValueError, IndexError) as error:
+            raise RecordError(f"{path}, line {number}, contradicts those before it: {error}: {MENDED}") from error
+    if left_out:
+        said(
+            f"{path}, line {len(lines) + 1}, the last one, is cut off or garbled and was skipped: everything before "
+            "it is complete"
+        )
+    return events, state
+
+
 def read_history(path: Path, table: TableSettings, said: Callable[[str], None] = unsaid) -> History:
     """Read ``events.jsonl`` of a game that was played on this table; ``said`` is told what was left out at the end.
 
     Raises:
-        RecordError: the file cannot be read, does not begin with a start, or contradicts itself.
+        RecordError: as of ``read_events``, or the pieces stand elsewhere than the game says.
     """
-    events = read_events(path, said)
-    if not events or not isinstance(events[0], StartEvent):
-        raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
+    events, state = _read(path, said)
     start = events[0]
+    assert isinstance(start, StartEvent)
+    board = state.board
+    assert board is not None
     try:
-        board = chess.Board(start.fen, chess960=start.chess960)
-        state = RecordState.after(events, board)
         inventory = Inventory.of(
             (PieceSpec(p.name, p.kind, p.colour, Place.parse(state.places[p.name])) for p in start.inventory), table
         )
         # where the pieces stand is what the game says, unless a repair was on its way to that
         if state.unfinished is None or state.unfinished.repair is None:
-            inventory.check_against(state.board or board)
+            inventory.check_against(board)
     except (ValueError, RuntimeError, IndexError) as error:
-        raise RecordError(f"{path} contradicts itself: {error}") from error
-    return History(start, events, state.board or board, inventory, state.unfinished, tuple(state.plies), state.ended)
+        raise RecordError(f"{path} contradicts itself: {error}: bring it back from a copy, or start anew") from error
+    return History(start, events, board, inventory, state.unfinished, tuple(state.plies), state.ended)
 
 
 def counted_plies(events: Sequence[AnyEvent]) -> list[PlyEvent]:

@@ -12,7 +12,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from app.records.events import Record
-from app.records.files import RecordError, write_atomically
+from app.records.files import RecordError, is_object, write_atomically
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
@@ -44,14 +44,19 @@ def kept_robot(folder: Path) -> RobotRecord | None:
     """What a record was played on; None: it does not say, as a version before this one wrote it, or the arm never was.
 
     Raises:
-        RecordError: the file cannot be read, or is of another version.
+        RecordError: the file cannot be read, is damaged, or is of another version.
     """
     path = folder / ROBOT_FILE
     try:
-        return RobotRecord.model_validate_json(path.read_bytes())
+        content = path.read_bytes()
+        return RobotRecord.model_validate_json(content)
     except FileNotFoundError:
         return None
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
     except ValidationError as error:
+        if not is_object(content):
+            raise RecordError(
+                f"{path} is damaged: bring it back from a copy, or delete it: then it is unknown which robot played"
+            ) from error
         raise RecordError(f"{path} is of another version: read it with the version that wrote it") from error

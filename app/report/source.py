@@ -107,9 +107,6 @@ def read_source(folder: Path, told: Callable[[str], None] = unsaid) -> ReportSou
     start = events[0]
     assert isinstance(start, StartEvent)
     plies = tuple(counted_plies(events))
-    numbers = [ply.ply for ply in plies]
-    if numbers != list(range(1, len(plies) + 1)):
-        raise RecordError(f"the events contradict themselves: plies are numbered {numbers[:8]}, not from 1 on")
     robot = kept_robot(folder)
     match = match_folder(folder)
     return ReportSource(

@@ -15,7 +15,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 
 from app import UserError
-from app.records.files import write_atomically
+from app.records.files import is_object, write_atomically
 from app.settings.defaults import Settings
 from app.settings.options import option_of
 from app.settings.toml import ConfigError, load_toml, toml_value
@@ -106,12 +106,18 @@ def kept_settings(folder: Path) -> Settings:
     """What a match was started with.
 
     Raises:
-        UserError: there is no such folder, or another version wrote it.
+        UserError: there is no such folder, the file is damaged, or another version wrote it.
     """
     path = folder / SETTINGS_FILE
     try:
-        return Settings.model_validate_json(path.read_bytes())
+        content = path.read_bytes()
+        return Settings.model_validate_json(content)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
     except ValidationError as error:
+        if not is_object(content):
+            raise UserError(
+                f"{path} is damaged: bring it back from a copy, or take that of another game which was started with "
+                "the same options"
+            ) from error
         raise UserError(f"{path} is of another version: continue with the version that wrote it") from error

@@ -22,8 +22,9 @@ from app.page.live.hub import encoded
 from app.page.live.telemetry import telemetry_shown
 from app.page.recorded.catalogue import RecordPlace, match_of_record
 from app.page.recorded.record import record_shown
-from app.records.events import AnyEvent, read_events
+from app.records.events import AnyEvent
 from app.records.files import EVENTS_FILE, RecordError
+from app.records.history import read_events
 from app.records.robot import RobotRecord, kept_robot
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from controller.protocol.messages import Telemetry

@@ -20,8 +20,9 @@ from app.dataset.making import DatasetReport, make_dataset
 from app.dataset.signals import state_row
 from app.dataset.told import read_told
 from app.dataset.wish import DatasetFormat, DatasetWish
-from app.records.events import PlyEvent, read_events
+from app.records.events import PlyEvent
 from app.records.files import EVENTS_FILE, TRAJECTORY_FILE
+from app.records.history import read_events
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.rig.simulation.film import FilmFailed
 from app.rig.simulation.pictures import PicturesWish, draw_pictures, recorded_ticks

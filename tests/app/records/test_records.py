@@ -18,7 +18,9 @@ import chess.pgn
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from typer.testing import CliRunner
 
+from app.cli.commands import app
 from app.pieces.inventory import Inventory, Ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
@@ -33,6 +35,7 @@ from app.records import (
     StartEvent,
     new_folder,
     read_events,
+    read_history,
     recording,
     summarise,
 )
@@ -271,16 +274,44 @@ def test_another_broken_line_is_named(tmp_path: Path) -> None:
     path = tmp_path / "events.jsonl"
     first, second, third = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(first + second[:40] + b"\n" + third)
-    with pytest.raises(
-        RecordError,
-        match=rf"^{re.escape(str(path))}, line 2, is not an event of this version: the "
-        r"line: ",
-    ):
+    remedy = "correct it, or remove it and all lines after it: the game before it is kept"
+    with pytest.raises(RecordError, match=rf"^{re.escape(f'{path}, line 2, is damaged: {remedy}')}$"):
         read_events(path)
+    path.write_bytes(first)
+    assert len(read_events(path)) == 1, "as the sentence says"
     path.write_bytes(first + second.replace(b'"san"', b'"move"') + third)
     message = f"{path}, line 2, is not an event of this version: ply.san: Field required: read it with the version"
     with pytest.raises(RecordError, match=f"^{re.escape(message)}"):
         read_events(path)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (r".*", "", "does not begin with the start of a game: name the folder of a recorded game"),
+        (r"^.*\n", "", "does not begin with the start of a game: name the folder of a recorded game"),
+        (r'"fen":"[^"]*"', '"fen":"8/8/8"', "starts from no position: expected 8 rows"),
+        (r'"uci":"e7e5"', '"uci":"e7e4"', "line 3, contradicts those before it: illegal uci: 'e7e4' in "),
+        (r"\n.*e7e5.*\n", "\n", "line 3, contradicts those before it: ply 3 follows ply 1: correct it, or remove it"),
+    ],
+)
+def test_a_record_that_contradicts_itself_is_refused_wherever_it_is_read(
+    before: str, after: str, said: str, tmp_path: Path
+) -> None:
+    """What takes a record on refuses it as what only looks at it does."""
+    game = Game(tmp_path)
+    game.play("e4 e5 Nf3")
+    path = tmp_path / "events.jsonl"
+    whole = path.read_text()
+    path.write_text(re.sub(before, after, whole, flags=re.DOTALL if before == ".*" else 0, count=1))
+    assert path.read_text() != whole
+    for command in (["report"], ["report", "--html"], ["analyse"], ["dataset", "--out", str(tmp_path / "set")]):
+        done = CliRunner().invoke(app, [*command, str(tmp_path)])
+        assert done.exit_code == 2, done.output
+        assert said in done.output.splitlines()[-1]
+        assert done.output.splitlines()[-1].startswith("touchmove: ")
+    with pytest.raises(RecordError, match=re.escape(said)):
+        read_history(path, TABLE)
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:

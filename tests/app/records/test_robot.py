@@ -31,7 +31,12 @@ def test_what_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:
     path.write_text('{"parameters": {}}')
     with pytest.raises(RecordError, match=r"robot.json is of another version: read it with the version that wrote it$"):
         kept_robot(tmp_path)
+    for damaged in ("", "[]", "{"):
+        path.write_text(damaged)
+        with pytest.raises(RecordError, match=r"robot.json is damaged: bring it back from a copy, or delete it: then"):
+            kept_robot(tmp_path)
     path.unlink()
+    assert kept_robot(tmp_path) is None, "as the sentence says"
     path.mkdir()
     with pytest.raises(RecordError, match=r"robot\.json cannot be read: Is a directory"):
         kept_robot(tmp_path)

@@ -14,9 +14,10 @@ from app.page.recorded.record import record_shown
 from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.records.events import GameSetup, PlyOutcome, read_events
+from app.records.events import GameSetup, PlyOutcome
 from app.records.files import EVENTS_FILE
 from app.records.game import GameRecord
+from app.records.history import read_events
 from hardware.table import TableSettings
 from tests.app.analysis.analysed import analysed
 

@@ -17,8 +17,8 @@ from app.page.recorded.game_fold import PERSON, GameFold, RecordContradicts, Rou
 from app.page.recorded.record import record_shown
 from app.pieces.inventory import Stage
 from app.play import match
-from app.records.events import read_events
 from app.records.files import EVENTS_FILE, RecordError
+from app.records.history import read_events
 from app.records.robot import RobotRecord, keep_robot
 from hardware.parameters import load_parameters
 from hardware.piece_set import Colour
@@ -169,7 +169,7 @@ def test_records_that_contradict_themselves_are_said_so(tmp_path: Path) -> None:
     game.record.close()
     lines = (tmp_path / EVENTS_FILE).read_bytes().splitlines(keepends=True)
     (tmp_path / EVENTS_FILE).write_bytes(b"".join([*lines, lines[-1]]))
-    with pytest.raises(RecordError, match=r"events\.jsonl, line 7: after ply 1: illegal"):
+    with pytest.raises(RecordError, match=r"events\.jsonl, line 7: after ply 1: ply 1 follows ply 1"):
         RecordFollower(tmp_path).follow()
     (tmp_path / EVENTS_FILE).write_bytes(lines[1])
     with pytest.raises(RecordError, match="does not begin with the start"):
