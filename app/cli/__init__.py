@@ -7,7 +7,7 @@ import gc
 import os
 import sys
 
-from app.cli.ending import INTERRUPTED, take_interrupts
+from app.cli.ending import INTERRUPTED, heard, take_interrupts
 
 
 def main() -> None:
@@ -25,7 +25,8 @@ def main() -> None:
     try:
         from app.cli.commands import app
 
-        app()
+        with heard():
+            app()
     except KeyboardInterrupt:  # before a command was found
         print(f"touchmove: {INTERRUPTED}", file=sys.stderr)
         sys.exit(130)

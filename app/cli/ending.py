@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import sys
@@ -50,6 +51,37 @@ def fail(sentence: str, status: int = 2) -> NoReturn:
 
     print(f"touchmove: {' '.join(sentence.split())}", file=sys.stderr)
     raise Exit(status)
+
+
+@contextlib.contextmanager
+def heard() -> Iterator[None]:
+    """A standard output that takes nothing more, such as a file on a full disk, ends the program with a sentence.
+
+    What nobody reads any more (a pipe into ``head``) ends it silently, with status 1.
+    """
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # here, where it can be answered
+    except OSError as error:
+        if error.errno != errno.EPIPE and not _stuck():
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python writes what is left once more as it ends
+        if error.errno == errno.EPIPE:
+            sys.exit(1)
+        print(f"touchmove: the output cannot be written: {error.strerror}: send it elsewhere", file=sys.stderr)
+        sys.exit(2)
+
+
+def _stuck() -> bool:
+    """Whether standard output takes nothing; what did not fit into its buffer is gone, so it is tried with a line."""
+    try:
+        print(flush=True)
+    except OSError:
+        return True
+    return False
 
 
 def say(step: str) -> None:

@@ -141,3 +141,30 @@ def test_an_interrupt_that_a_library_makes_an_error_of_is_one(capsys: pytest.Cap
 def test_a_bug_is_no_interrupt() -> None:
     with pytest.raises(ZeroDivisionError), _one_sentence():
         raise ZeroDivisionError("a bug")
+
+
+def output_of(program: str, stdout: int) -> tuple[int, str]:
+    whole = f"from app.cli.ending import heard\nwith heard():\n    {program}"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", whole], stdout=stdout, stderr=subprocess.PIPE, text=True, check=False
+    )
+    return done.returncode, done.stderr
+
+
+LOST = "touchmove: the output cannot be written: No space left on device: send it elsewhere\n"
+
+
+@pytest.mark.parametrize("program", ["print('x')", "print('x' * 100_000)", "print('x'); raise SystemExit(0)"])
+def test_a_full_standard_output_is_one_sentence_and_one_that_nobody_reads_none(program: str) -> None:
+    with Path("/dev/full").open("wb") as full:
+        assert output_of(program, full.fileno()) == (2, LOST)
+    unread, written = os.pipe()
+    os.close(unread)
+    assert output_of(program, written) == (1, "")
+    os.close(written)
+
+
+def test_another_error_of_the_system_is_not_taken_for_a_full_output() -> None:
+    status, said = output_of("raise OSError(28, 'of another file')", subprocess.DEVNULL)
+    assert status == 1
+    assert said.endswith("OSError: [Errno 28] of another file\n")
