@@ -14,7 +14,8 @@ from pydantic import JsonValue
 from app.execution.state import LEFT
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
-from app.records.files import TRAJECTORY_FILE
+from app.records.files import TRAJECTORY_FILE, NotWritten
+from app.records.rounds import rounds_of
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import EndState, Rig, RigFailed
 from app.rig.shown_arm import ShownArm
@@ -171,6 +172,11 @@ def run_session(
                 so_far = _play_all(rig, _devices(rig, vision, guard, ui), schedule, done, ui)
         except (ControllerError, HardwareError) as error:  # between two rounds
             raise RigFailed(rig.failure() or str(error)) from error
+        except NotWritten as error:
+            if not rounds_of(folder):
+                raise
+            more = f"what was played is safe: once there is room, 'touchmove resume {folder}' continues it"
+            raise RecordError(f"{error.trouble}: {more}") from error
         ui.phase("the arm is coming to rest")
         last = rig.close()
         _note_the_end(so_far, rig, last)
@@ -301,7 +307,7 @@ def _draw(filming: Filming, ui: UserInterface) -> None:
         draw_film(wish, lambda done, whole: ui.phase(f"drawing the film: {done:.0f} of {whole:.0f} s"))
     except KeyboardInterrupt:
         ui.phase(f"the film was not drawn: {again}")
-    except FilmFailed as error:
+    except (FilmFailed, RecordError) as error:
         ui.phase(f"there is no film: {error}; {again}")
     else:
         ui.phase("the film is drawn")

@@ -38,6 +38,18 @@ class RecordError(UserError):
     """A file of the record cannot be written or read."""
 
 
+class NotWritten(RecordError):
+    """A file could not be written.
+
+    Attributes:
+        trouble: which and why, without what can be done about it: that may depend on what was written before.
+    """
+
+    def __init__(self, trouble: str, remedy: str) -> None:
+        super().__init__(f"{trouble}: {remedy}")
+        self.trouble = trouble
+
+
 _ELSEWHERE: Final = "choose another folder with --out"
 _BEGINNING: Final = 4096
 """Of a file: so much says what kind it is [bytes]."""
@@ -52,7 +64,9 @@ def full_disk(folder: Path) -> str | None:
         with path.open("wb") as file:
             os.posix_fallocate(file.fileno(), 0, _ROOM)
     except OSError as error:
-        return _no_room(folder, error, _ELSEWHERE) and (
+        if error.errno not in _FULL:
+            return None
+        return (
             f"the disk at {_disk_of(folder)} has less than {_ROOM >> 20} MiB left for {folder}: "
             f"free some space or {_ELSEWHERE}"
         )
@@ -67,13 +81,6 @@ def _disk_of(path: Path) -> Path:
     return next(one for one in (path, *path.absolute().parents) if one.is_mount())
 
 
-def _no_room(path: Path, error: OSError, remedy: str) -> str | None:
-    """A sentence that names disk and path where an error says that the disk is full."""
-    if error.errno not in _FULL:
-        return None
-    return f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)}): free some space or {remedy}"
-
-
 @contextmanager
 def recording(path: Path, remedy: str = _ELSEWHERE) -> Iterator[None]:
     """Turn a failure of the file system into a sentence about ``path``; for any file of a record, also a video.
@@ -83,14 +90,16 @@ def recording(path: Path, remedy: str = _ELSEWHERE) -> Iterator[None]:
         remedy: what a person can do about it.
 
     Raises:
-        RecordError: the disk is full, or the path cannot be written.
+        NotWritten: the disk is full, or the path cannot be written.
     """
     try:
         yield
     except OSError as error:
-        if full := _no_room(path.absolute(), error, remedy):
-            raise RecordError(full) from error
-        raise RecordError(f"{path}: {error.strerror or error}: {remedy}") from error
+        if error.errno in _FULL:
+            path = path.absolute()
+            full = f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)})"
+            raise NotWritten(full, f"free some space or {remedy}") from error
+        raise NotWritten(f"{path}: {error.strerror or error}", remedy) from error
 
 
 def check_folder(folder: Path, remedy: str = _ELSEWHERE) -> None:

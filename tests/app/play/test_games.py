@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
+import os
+import re
 from collections.abc import Collection
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from hypothesis import strategies as st
 from app.play.games import wished
 from app.play.launch import resume_games, run_games
 from app.players.commands import CommandError, NewGame, parse_command, parse_new
+from app.records.files import LineLog, RecordError
 from app.settings.defaults import PlayerKind
 from app.settings.files import kept_settings, settings_of
 from app.terminal.game_display import UserInterface
@@ -90,6 +94,29 @@ def play(folder: Path, *lines: str, accompanied: bool = False, **more: object) -
     ui = Told()
     run_games(settings_of(named), ui, typed)
     return ui
+
+
+def test_a_disk_that_fills_up_says_that_the_game_is_safe_and_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = settings_of({"rig.name": "board", "game.moves": "e4 e5 Nf3", "out": tmp_path / "game"})
+    write, begun = LineLog._write, list[bytes]()
+
+    def fills_up(log: LineLog, data: bytes, durable: bool) -> None:
+        if b'"uci":"e7e5"' in data:
+            begun.append(data)
+        if len(begun) > 1:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+        write(log, data, durable)
+
+    monkeypatch.setattr(LineLog, "_write", fills_up)
+    safe = f"what was played is safe: once there is room, 'touchmove resume {tmp_path / 'game'}' continues it"
+    with pytest.raises(RecordError, match=rf"events\.jsonl: File too large: {re.escape(safe)}$"):
+        run_games(line, UserInterface())
+    monkeypatch.undo()
+    done = resume_games(tmp_path / "game", UserInterface())
+    assert done.holds
+    assert done.report.plies == 3
 
 
 def start_of(folder: Path) -> dict[str, object]:
