@@ -44,7 +44,7 @@ def analyse_games(
     batches = (
         _of_folder(path, out, told)
         if path.is_dir()
-        else ((files_in(out or path.parent, path.stem), games_of_pgn(path)),)
+        else ((files_in(out or path.parent, path.stem), games_of_pgn(path, told)),)
     )
     for folder in {files.json.parent for files, _ in batches}:
         check_folder(folder)

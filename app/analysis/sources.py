@@ -15,13 +15,17 @@ from app.records.history import counted_plies, read_events
 from app.records.recorded_games import RecordedGame, recorded_games
 
 
-def games_of_pgn(path: Path) -> tuple[AnalysedGame, ...]:
-    """All games of a PGN file.
+def games_of_pgn(path: Path, told: Callable[[str], None] = unsaid) -> tuple[AnalysedGame, ...]:
+    """All games of a PGN file; ``told`` hears of those that may have been cut off.
 
     Raises:
         ReplayError: it cannot be read, or holds no game.
     """
-    return tuple(map(_of_pgn, recorded_games(path)))
+    games = recorded_games(path)
+    for game in games:
+        if game.cut is not None:
+            told(game.cut)
+    return tuple(map(_of_pgn, games))
 
 
 def game_of_record(folder: Path, told: Callable[[str], None] = unsaid) -> AnalysedGame | None:

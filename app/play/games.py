@@ -59,6 +59,9 @@ class GameSeries:
                 ui.say(cut)
         puzzles = settings.practice.puzzles
         self._puzzles = () if puzzles is None else puzzles_from(puzzles, settings.practice.puzzle, game.games)
+        if puzzles is not None and len(self._puzzles) < game.games:
+            asked = f"{game.games} puzzles that were asked for, from number {settings.practice.puzzle} on"
+            ui.say(f"{puzzles} has only {len(self._puzzles)} of the {asked}")
         self._board = first_board(settings)
         self._line = None if game.moves is None else parse_line(game.moves, self._board)
 

@@ -118,6 +118,13 @@ def test_a_file_of_another_version_is_refused_in_one_sentence(tmp_path: Path) ->
         kept_analysis(tmp_path, [])
 
 
+def test_a_game_that_may_have_been_cut_off_is_said_so(tmp_path: Path) -> None:
+    file, told = tmp_path / "cut.pgn", list[str]()
+    file.write_text("1. e4 e5 2. Nf")
+    analyse_games(file, AnalysisSettings(nodes=1), None, told.append)
+    assert told[0] == f"{file}, game 1, ends without a result after 2 plies: it may have been cut off there"
+
+
 def test_what_holds_no_game_is_refused(tmp_path: Path) -> None:
     PlayedGame(tmp_path / "empty")
     for path, sentence in (

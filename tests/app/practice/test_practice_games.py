@@ -58,6 +58,15 @@ def test_puzzles_follow_each_other_and_a_wrong_move_is_taken_back(tmp_path: Path
     assert told.results == [ended(folder), ("*", "set up"), ended(folder / "game-2")]
 
 
+def test_a_file_with_fewer_puzzles_than_were_asked_for_says_so(tmp_path: Path) -> None:
+    puzzles = tmp_path / "two.csv"
+    puzzles.write_text(TWO)
+    asked = {"practice.puzzles": puzzles, "practice.puzzle": 2, "game.games": 9}
+    told = play(tmp_path / "game", "Rd8", "Bxd8", **asked)
+    assert told.said[0] == f"{puzzles} has only 1 of the 9 puzzles that were asked for, from number 2 on"
+    assert [result for result, _ in told.results] == ["*"]
+
+
 @pytest.mark.parametrize("word", ["resign", "new"])
 def test_a_puzzle_that_is_given_up_ends_with_what_was_right(tmp_path: Path, word: str) -> None:
     puzzles = tmp_path / "two.csv"
