@@ -121,7 +121,7 @@ def draw_film(wish: FilmWish, progress: Progress) -> None:
         FilmFailed: nothing was recorded, or there is no OpenGL here.
         RecordError: the film cannot be written, or would replace what is no film.
     """
-    if wish.output.suffix.lower() != SUFFIX:
+    if wish.output.suffix.lower() != SUFFIX and not wish.output.is_dir():
         raise FilmFailed(f"--output {wish.output}: a film is written as WebM: give its name the ending {SUFFIX}")
     check_output(wish.output, "a film", _MARK, "--output")
     try:

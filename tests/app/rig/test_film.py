@@ -156,6 +156,7 @@ def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
         ("events.jsonl", r"a film is written as WebM: give its name the ending \.webm$"),
         ("film.xyz", r"a film is written as WebM: give its name the ending \.webm$"),
         ("other.webm", r"exists and is not a film: choose another file with --output$"),
+        ("", r"is a folder: name a file in it with --output$"),
         ("folder.webm", r"is a folder: name a file in it with --output$"),
         ("device.webm", r"is not an ordinary file: choose another file with --output$"),
         ("other.webm/film.webm", r"(File exists|Not a directory): choose another file with --output$"),
