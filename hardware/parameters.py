@@ -23,6 +23,7 @@ from pydantic import (
     model_validator,
 )
 
+from hardware.demands import demand
 from hardware.frozen import FrozenFinite
 
 DEFAULT_FILE = Path(__file__).with_name("parameters.toml")
@@ -251,7 +252,7 @@ def _explain(problem: ValidationError) -> str:
         return f"{field} is missing, compare {DEFAULT_FILE.name}"
     if error["type"] == "value_error":
         return f"{field}: {error['msg'].removeprefix('Value error, ')}"
-    return f"{field} is {error['input']!r}: {error['msg'].replace('Input', 'it', 1)}"
+    return f"{field} is {error['input']!r}: {demand(error)}"
 
 
 def _table(model: type[BaseModel], name: str) -> type[BaseModel]:

@@ -49,7 +49,7 @@ FLOORS = {
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
         "sim", "drives", "camera", "turned_shapes", "table", "piece_set", "contact_speeds", "referee", "parameters",
-        "frozen", "interfaces", "realtime", "awake", "kernel_workers", "loading",
+        "demands", "frozen", "interfaces", "realtime", "awake", "kernel_workers", "loading",
     ),
     "hardware.sim": ("emulated", "process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip

@@ -357,16 +357,47 @@ def test_damaged_settings_of_a_game_are_not_taken_for_another_version(content: s
         ("demo --nodes 10 --movetime 1", "--movetime has no effect here, it is for engines that think by time"),
         ("demo --moves e4 --black-clock 5+3", "--black-clock has no effect here, it is for engines that choose"),
         ("demo --movetime inf", "--movetime is 'inf': it should be a finite number"),
-        ("demo --movetime 1e9", "--movetime is '1000000000.0': it should be less than or equal to 86400"),
-        ("demo --nope", "No such option: --nope"),
+        ("demo --movetime 1e9", "--movetime is '1000000000.0': it should be at most 86400"),
+        ("demo --plies 0", "--plies is '0': it should be at least 1: 'touchmove demo --help' lists the options"),
+        ("demo --seed x", "--seed is 'x': it should be a whole number: 'touchmove demo --help'"),
+        ("play --movetime nan", "--movetime is 'nan': it should be a finite number: 'touchmove play --help'"),
+        ("link-test --duration 1e9", "--duration is '1e9': it should be at most 86400: 'touchmove link-test --help'"),
+        ("campaign run x.toml --workers y", "is 'y': it should be a whole number: 'touchmove campaign run --help'"),
+        ("analyse x.pgn --nodes 9223372036854775808", "--nodes is '9223372036854775808': it should be at most 92233"),
+        (
+            "demo --nope",
+            "No such option: --nope (Possible options: --no-page, --nodes, --page): 'touchmove demo --help'",
+        ),
         ("nope", "No such command 'nope'"),
+        ("nope", "'touchmove --help' lists the commands"),
+        ("figures 8", "there is no figure '8', choose from: 5, 6, 7, 9"),
+        ("bench nosuch", "there is no bench 'nosuch', choose from: law, loop"),
+        ("controller status --rig board", "rig board has no devices: choose sim, or the TOML file of a lab's rig"),
+        ("check --rig board", "rig board has no devices: choose sim, or the TOML file of a lab's rig"),
+        ("setup --rig board --no-page --standing start --fen 8/8", "--fen is not a position (expected 8 rows"),
     ],
 )
-def test_what_has_no_effect_or_no_meaning_is_refused(arguments: str, said: str) -> None:
+def test_what_has_no_effect_or_no_meaning_is_refused(
+    arguments: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, arguments.split())
     assert done.exit_code == 2
     (line,) = done.output.splitlines()
     assert said in line
+
+
+def test_a_file_in_the_place_of_a_folder_is_said_to_be_one(tmp_path: Path) -> None:
+    out = tmp_path / "file"
+    out.touch()
+    done = CliRunner().invoke(app, ["demo", "--rig", "board", "--moves", "e4", "--headless", "--out", str(out)])
+    said = f"touchmove: {out} is a file, and a folder is needed: choose another folder with --out\n"
+    assert (done.exit_code, done.output) == (2, said)
+
+
+def test_squares_that_are_too_small_are_refused() -> None:
+    with pytest.raises(UserError, match=r"^--square: squares of 29 mm are too small: choose at least 30 mm$"):
+        rig_setup_of(Settings().with_changes({"rig.square": 29.0}).rig)
 
 
 def test_settings_of_a_file_without_effect_are_said(tmp_path: Path) -> None:

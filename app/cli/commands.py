@@ -36,13 +36,35 @@ def _one_sentence() -> Iterator[None]:
         sentence = error.format_message().replace("Value error, ", "")
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
             raise
-        fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' lists the options")
+        fail(f"{(_refused(error) or sentence).rstrip('.')}: {_lists(getattr(error, 'ctx', None))}")
     except Exception as error:
-        if KeyboardInterrupt.__name__ not in str(
-            error
-        ):  # pydantic's errors name what went wrong in what they had called
+        # pydantic's errors name what went wrong in what they had called
+        if KeyboardInterrupt.__name__ not in str(error):
             raise
         fail(INTERRUPTED, 130)
+
+
+def _refused(error: TyperException) -> str | None:
+    """What is wrong with the value of an option or an argument, where Pydantic has refused it."""
+    from pydantic import ValidationError
+
+    from hardware.demands import demand
+
+    cause, parameter = error.__cause__, getattr(error, "param", None)
+    if not isinstance(cause, ValidationError) or parameter is None:
+        return None
+    first = cause.errors(include_url=False)[0]
+    name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.human_readable_name
+    return f"{name} is '{first['input']}': {demand(first)}"
+
+
+def _lists(context: Any) -> str:
+    """Where to look up what a command takes."""
+    names, of_group = list[str](), context is None or isinstance(context.command, TyperGroup)
+    while context is not None and context.parent is not None:
+        names.insert(0, str(context.info_name))
+        context = context.parent
+    return f"'{' '.join(('touchmove', *names))} --help' lists the {'commands' if of_group else 'options'}"
 
 
 class _Commands(TyperGroup):

@@ -19,6 +19,7 @@ from app.records.files import is_object, write_atomically
 from app.settings.defaults import Settings
 from app.settings.options import option_of
 from app.settings.toml import ConfigError, load_toml, toml_value
+from hardware.demands import demand
 
 SETTINGS_FILE: Final = "settings.json"
 """In the folder of a match: what it was started with."""
@@ -39,11 +40,8 @@ def settings_of(changes: Mapping[str, Any], file: Path | None = None) -> Setting
         return base.with_changes(changes)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "")
-        wrong = first["msg"].removeprefix("Value error, ").replace("Input", "it", 1)
         named = option_of(".".join(str(part) for part in first["loc"]))
-        wrong = f"choose {choices}" if choices else wrong
-        raise ConfigError(f"{named} is '{first['input']}': {wrong}") from error
+        raise ConfigError(f"{named} is '{first['input']}': {demand(first)}") from error
 
 
 def load_settings(path: Path) -> Settings:

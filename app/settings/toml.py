@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from app import UserError
 from hardware.camera.settings import LabCamera
+from hardware.demands import demand
 
 _M = TypeVar("_M", bound=BaseModel)
 
@@ -60,7 +61,7 @@ def toml_value(value: object) -> str:
 
 def sentence_of(error: ErrorDetails) -> str:
     """What is wrong with a value, and the value, where it is short enough to be read."""
-    said, given = error["msg"].removeprefix("Value error, "), error["input"]
+    said, given = demand(error), error["input"]
     return f"{said}, not {given!r}" if isinstance(given, (str, int, float, bool)) else said
 
 

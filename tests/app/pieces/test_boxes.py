@@ -296,5 +296,5 @@ def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_other
     with pytest.raises(UserError, match=r"captured pieces go to a box: leave --captured out, or change its file$"):
         run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), UserInterface())
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "bag"\n', encoding="utf-8")
-    with pytest.raises(UserError, match=r"table\.captured: Input should be 'tray' or 'box', not 'bag'$"):
+    with pytest.raises(UserError, match=r"table\.captured: choose tray or box, not 'bag'$"):
         load_rig(file)

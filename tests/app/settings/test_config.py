@@ -73,9 +73,9 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
             CONTROLLER + "[world]\nzzz = 3\n",
             r"no setting world\.zzz: choose camera, camera_latency, cameras, fen, hand, journal",
         ),
-        ('[controller]\nport = "x"\n', r"controller\.port: .*integer.*, not 'x'"),
+        ('[controller]\nport = "x"\n', r"controller\.port: it should be a whole number, not 'x'"),
         (CONTROLLER.replace("192.168.7.2", "localhost"), r"controller\.host: .*IPv4.*'localhost'"),
-        ("[controller]\nport = -1\n", r"controller\.port: .*greater than or equal to 0, not -1"),
+        ("[controller]\nport = -1\n", r"controller\.port: it should be at least 0, not -1"),
         (CONTROLLER.replace("47100", "0"), r"clients on other computers cannot find a free port: give port a number"),
         (CONTROLLER + '[drives]\nbus = "my lab"\n', r"drives\.bus: .*, not 'my lab'"),
         (
@@ -95,12 +95,12 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         (LAB + '[camera]\nkind = "folder"\n', r"camera\.path is missing: give it a value"),
         (
             LAB + '[camera]\nkind = "folder"\npath = "a"\nplay = "fast"\n',
-            r"camera\.play: .*'clock' or 'frames', not 'fast'",
+            r"camera\.play: choose clock or frames, not 'fast'",
         ),
-        (LAB + '[camera]\nkind = "realsense"\nfps = 0\n', r"camera\.fps: .*greater than 0, not 0"),
+        (LAB + '[camera]\nkind = "realsense"\nfps = 0\n', r"camera\.fps: it should be more than 0, not 0"),
         (LAB + '[camera]\nkind = "realsense"\ngain = 1.0\n', r"camera: a gain needs a fixed exposure"),
         (LAB + '[camera]\nkind = "webcam"\n', r"camera: a webcam's pinhole must be known: give either focal"),
-        (LAB + '[camera]\nkind = "webcam"\ndevice = -1\n', r"camera\.device: .*greater than or equal to 0, not -1"),
+        (LAB + '[camera]\nkind = "webcam"\ndevice = -1\n', r"camera\.device: it should be at least 0, not -1"),
     ],
 )
 def test_a_mistake_is_named_with_its_remedy(tmp_path: Path, text: str, sentence: str) -> None:
