@@ -1,6 +1,7 @@
 """UCI options: what is to be set, each checked against what the engine says of itself."""
 
 import difflib
+import sys
 
 import chess.engine
 
@@ -28,7 +29,7 @@ def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Co
     if "Hash" in uci.options:  # an engine without the option has a fixed table, or none
         wanted["Hash"] = _within(uci, "Hash", settings.hash_mb)
     if settings.elo is not None and not plays_below(settings, uci):
-        wanted["UCI_Elo"] = _within(uci, "UCI_Elo", settings.elo)
+        wanted["UCI_Elo"] = settings.elo
         wanted["UCI_LimitStrength"] = True
     if settings.skill is not None:
         wanted["Skill Level"] = _within(uci, "Skill Level", settings.skill)
@@ -40,18 +41,20 @@ def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Co
 def plays_below(settings: EngineSettings, uci: chess.engine.UciProtocol) -> bool:
     """Whether a level is below the lowest Elo that the engine offers (or it offers none), so that ``levels`` makes it.
 
-    Raises ``EngineRefused`` where there is no such level.
+    Raises ``EngineRefused`` where there is no such level, by either.
     """
     elo, option = settings.elo, uci.options.get("UCI_Elo")
-    if elo is None or (option is not None and (option.min is None or elo >= option.min)):
+    if elo is None:
         return False
-    if not WEAKEST <= elo <= STRONGEST:
-        choices = f"{WEAKEST} to {STRONGEST}"
-        if option is not None and option.min is not None:
-            choices = f"{choices} or {option.min} to" if option.min > STRONGEST else f"{WEAKEST} to"
-            choices = f"{choices} {option.max}"
-        raise EngineRefused(f"Elo {elo} is outside what {_name(uci)} can play: choose {choices}, or leave it out")
-    return True
+    low, high = (STRONGEST + 1, STRONGEST) if option is None else (option.min or 0, option.max or sys.maxsize)
+    if low <= elo <= high:
+        return False
+    if WEAKEST <= elo <= STRONGEST and elo < low:
+        return True
+    choices = f"{min(WEAKEST, low)} to {high}"
+    if STRONGEST < low <= high:
+        choices = f"{WEAKEST} to {STRONGEST} or {low} to {high}"
+    raise EngineRefused(f"Elo {elo} is outside what {_name(uci)} can play: choose {choices}, or leave it out")
 
 
 def at_full_strength(uci: chess.engine.UciProtocol) -> Configuration:

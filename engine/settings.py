@@ -35,7 +35,7 @@ class EngineSettings(BaseModel):
 
     path: str | None = None
     """The binary; None looks for ``stockfish`` on PATH, then where Debian puts it."""
-    elo: PositiveInt | None = None
+    elo: int | None = None
     """Playing strength by UCI_LimitStrength, below the engine's own limits by ``levels``; None is full strength."""
     seed: NonNegativeInt = 0
     """Of a level below the engine's own: draws its moves."""

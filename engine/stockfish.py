@@ -285,7 +285,9 @@ class Engine:
             played = process.call(search, budget.give_up_after(limit, board.turn, self.settings.deadline))
         finally:
             self._searching = False
-        if played.move is None or played.move not in board.legal_moves:
+        if played.move is None:
+            raise Misbehaved(f"it named no move in {board.fen()}")
+        if played.move not in board.legal_moves:
             raise Misbehaved(f"it answered {played.move}, which is not legal in {board.fen()}")
         return played
 

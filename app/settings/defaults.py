@@ -220,8 +220,8 @@ class SideSection(_Section):
 
     player: PlayerKind = PlayerKind.ENGINE
     """engine or human."""
-    elo: PositiveInt | None = None
-    """Strength of the engine in Elo, from 400; if left out, full strength."""
+    elo: int | None = None
+    """Strength of the engine in Elo, from 400 to the engine's own limit; if left out, full strength."""
     skill: NonNegativeInt | None = None
     """Strength of the engine by its Skill Level (Stockfish: 0 to 20), for play below its lowest Elo."""
     path: str | None = None

@@ -64,7 +64,7 @@ def test_a_failure_is_answered_by_a_restart_and_the_question_again(fake: Callabl
             4,
         ),
         ('say("bestmove e2e5")', f"it broke the protocol: illegal uci: 'e2e5' in {chess.STARTING_FEN}", 4),
-        ('say("bestmove (none)")', f"it answered None, which is not legal in {chess.STARTING_FEN}", 4),
+        ('say("bestmove (none)")', f"it named no move in {chess.STARTING_FEN}", 4),
     ],
 )
 def test_a_failure_each_time_is_the_end(fake: Callable[..., Any], trouble: str, reason: str, attempts: int) -> None:
@@ -179,7 +179,7 @@ def test_a_named_binary_that_is_not_there(tmp_path: Path) -> None:
             {"elo": 399},
             "Elo 399 is outside what Fake 1.0 can play: choose 400 to 2000, or leave it out",
         ),
-        ({"elo": 2001}, "UCI_Elo = 2001 is outside what Fake 1.0 offers: choose 1400 to 2000, or leave it out"),
+        ({"elo": 2001}, "Elo 2001 is outside what Fake 1.0 can play: choose 400 to 2000, or leave it out"),
         ({"threads": 5}, "Threads = 5 is outside what Fake 1.0 offers: choose 1 to 4, or leave it out"),
         ({"hash_mb": 2048}, "Hash = 2048 is outside what Fake 1.0 offers: choose 1 to 1024, or leave it out"),
     ],

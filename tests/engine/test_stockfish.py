@@ -72,8 +72,7 @@ def test_elo_is_refused_outside_stockfishs_own_limits(stockfish: str) -> None:
         (WEAKEST - 1, f"Elo 399 is outside what {name} can play: choose 400 to {option.max}, or leave it out"),
         (
             option.max + 1,
-            f"UCI_Elo = {option.max + 1} is outside what {name} offers: choose {option.min} to {option.max}, or leave "
-            "it out",
+            f"Elo {option.max + 1} is outside what {name} can play: choose 400 to {option.max}, or leave it out",
         ),
     ):
         with pytest.raises(EngineRefused, match=f"^{re.escape(sentence)}$"):
