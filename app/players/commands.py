@@ -210,17 +210,29 @@ def parse_new(words: list[str]) -> NewGame:
                 wish = replace(wish, person=word == "white")
             case "full", _:
                 wish = replace(wish, elo=0)
-            case "elo", [number] if number.isdecimal():
+            case "elo", [number] if number.isdecimal() and int(number):
                 wish, rest = replace(wish, elo=int(number)), rest[1:]
             case "clock", [control]:
                 wish, rest = replace(wish, clock="" if control.lower() == "none" else control), rest[1:]
             case "fen", [start] if start.lower() == "start":
                 wish, rest = replace(wish, fen=""), rest[1:]
-            case "fen", [_] if len(rest) > 1:
-                wish, rest = replace(wish, fen=" ".join(rest)), []
+            case "fen", [_]:
+                wish, rest = replace(wish, fen=_position(" ".join(rest))), []
+            case "elo", [number]:
+                raise CommandError(f"'{number}' is not an Elo: say for instance 'new elo 1500', or 'new full'")
+            case "elo" | "clock" | "fen", []:
+                raise CommandError(f"'{word}' needs a value: {_NEW}")
             case _:
                 raise CommandError(f"'{word}' is not part of a new game: {_NEW}")
     return wish
+
+
+def _position(fen: str) -> str:
+    try:
+        chess.Board(fen)
+    except ValueError as error:
+        raise CommandError(f"'{fen}' is not a position ({error}): give a FEN, or say 'new fen start'") from error
+    return fen
 
 
 def _place(word: str) -> Place:

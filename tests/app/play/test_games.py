@@ -51,9 +51,23 @@ def test_what_is_said_of_a_new_game_is_understood(wish: NewGame) -> None:
     assert parse_command(said(wish), chess.Board()) == wish
 
 
-@pytest.mark.parametrize("words", ["elo", "elo strong", "clock", "fen", "fen 8/8", "purple", "white elo"])
-def test_what_says_nothing_about_a_new_game_is_refused_in_a_sentence(words: str) -> None:
-    with pytest.raises(CommandError, match="is not part of a new game: say for instance"):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("elo", "'elo' needs a value: say for instance"),
+        ("elo strong", "'strong' is not an Elo: say for instance 'new elo 1500', or 'new full'"),
+        ("elo -5", "'-5' is not an Elo: "),
+        ("elo 0", "'0' is not an Elo: "),
+        ("clock", "'clock' needs a value: say for instance"),
+        ("fen", "'fen' needs a value: say for instance"),
+        ("fen 8/8", r"'8/8' is not a position \(.*\): give a FEN, or say 'new fen start'"),
+        ("fen no such one", r"'no such one' is not a position \("),
+        ("purple", "'purple' is not part of a new game: say for instance"),
+        ("white elo", "'elo' needs a value: say for instance"),
+    ],
+)
+def test_what_says_nothing_about_a_new_game_is_refused_in_a_sentence(words: str, said: str) -> None:
+    with pytest.raises(CommandError, match=said):
         parse_new(words.split())
 
 
