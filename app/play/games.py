@@ -17,7 +17,7 @@ from app.play.game_setup import RigSetup, start_board
 from app.play.match import Fixture
 from app.play.player_selection import engine_players, line_players, start_clock
 from app.players.commands import NewGame, Word
-from app.players.given_line import parse_line
+from app.players.given_line import given_line
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.practice.odds import at_odds
@@ -53,7 +53,7 @@ class GameSeries:
         game = settings.game
         self._replayed: tuple[RecordedGame, ...] = ()
         if game.replay is not None:
-            found = recorded_games(game.replay, game.replay_game)
+            found = recorded_games(game.replay, game.replay_game, ", or choose another --game")
             self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
             for cut in [one.cut for one in found if one.cut is not None]:
                 ui.say(cut)
@@ -63,7 +63,7 @@ class GameSeries:
             asked = f"{game.games} puzzles that were asked for, from number {settings.practice.puzzle} on"
             ui.say(f"{puzzles} has only {len(self._puzzles)} of the {asked}")
         self._board = first_board(settings)
-        self._line = None if game.moves is None else parse_line(game.moves, self._board)
+        self._line = None if game.moves is None else given_line(game.moves, self._board)
 
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
         """See ``Fixtures``."""

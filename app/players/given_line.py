@@ -82,6 +82,18 @@ def parse_move(token: str, board: chess.Board) -> chess.Move:
     return move
 
 
+def given_line(text: str, board: chess.Board) -> tuple[chess.Move, ...]:
+    """The line that is to be played instead of asking players; arguments as of ``parse_line``.
+
+    Raises:
+        LineError: as ``parse_line``.
+        UserError: no move is in it.
+    """
+    if not (line := parse_line(text, board)):
+        raise UserError(f"--moves is '{text}': give at least one move, such as e4, or leave it out")
+    return line
+
+
 def tokens_of(text: str) -> list[str]:
     """What is written of moves in a line, without its numbers and its result."""
     words = (_strip_number(word) for word in text.replace(",", " ").split())

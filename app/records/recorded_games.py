@@ -6,6 +6,7 @@ import contextlib
 import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -67,12 +68,13 @@ class RecordedGame:
         )
 
 
-def recorded_games(path: Path, number: int | None = None) -> tuple[RecordedGame, ...]:
+def recorded_games(path: Path, number: int | None = None, instead: str = "") -> tuple[RecordedGame, ...]:
     """Read what is to be played again.
 
     Args:
         path: a PGN file, also one with several games; or a folder of a game of ours.
         number: of one game in the file, from 1; None: all.
+        instead: what else may be done where a game cannot be played, beginning with a comma; "": nothing.
 
     Raises:
         ReplayError: it cannot be read, holds no game or not so many, or one that is no legal game of chess.
@@ -80,19 +82,22 @@ def recorded_games(path: Path, number: int | None = None) -> tuple[RecordedGame,
     file = path / PGN_FILE if path.is_dir() else path
     try:
         with file.open(encoding="utf-8-sig", errors="replace") as stream:
-            games = tuple(_read(stream, file, number))
+            games = tuple(_read(stream, file, number, instead))
+            stream.seek(0)
+            there = 0 if games or number is None else sum(1 for _ in iter(partial(chess.pgn.skip_game, stream), False))
     except OSError as error:
         raise ReplayError(
             f"{file} cannot be read ({error.strerror}): give a PGN file or the folder of a game"
         ) from error
     if not games:
-        if number is None:
+        if not there:
             raise ReplayError(f"{file} contains no game: give a PGN file or the folder of a game")
-        raise ReplayError(f"{file} has no game {number}: choose another --game")
+        only = "it has only one: leave --game out" if there == 1 else f"choose --game 1 to {there}"
+        raise ReplayError(f"{file} has no game {number}: {only}")
     return games
 
 
-def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGame]:
+def _read(stream: TextIO, file: Path, number: int | None, instead: str) -> Iterator[RecordedGame]:
     count = 0
     while True:
         if number is not None and count < number - 1:
@@ -107,7 +112,7 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
         if game is None:
             return
         count += 1
-        yield _recorded(game, file, count)
+        yield _recorded(game, file, count, instead)
         if number is not None:
             return
 
@@ -135,13 +140,13 @@ class _Builder(chess.pgn.GameBuilder[_Game]):
         super().visit_result(result)
 
 
-def _recorded(game: _Game, file: Path, count: int) -> RecordedGame:
+def _recorded(game: _Game, file: Path, count: int, instead: str) -> RecordedGame:
     moves = tuple(node.move for node in game.mainline())
     if not game.errors and not game.variations and all(value in _UNSAID for value in game.headers.values()):
         raise ReplayError(f"{file} contains no game: give a PGN file or the folder of a game")
     after = f"after {len(moves)} plies" if moves else "at its beginning"
     if wrong := _unplayable(game, moves, after):
-        raise ReplayError(f"{file}, game {count}, {wrong}, or choose another --game")
+        raise ReplayError(f"{file}, game {count}, {wrong}{instead}")
     headers = game.headers
     title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
     cut = None if game.ended else f"{file}, game {count}, ends without a result {after}: it may have been cut off there"

@@ -7,7 +7,8 @@ import re
 import chess
 import pytest
 
-from app.players.given_line import LineError, parse_line
+from app import UserError
+from app.players.given_line import LineError, given_line, parse_line
 
 
 def ucis(text: str, fen: str = chess.STARTING_FEN) -> list[str]:
@@ -48,6 +49,12 @@ def test_chess960_castling() -> None:
 
 def test_nothing_is_no_moves() -> None:
     assert parse_line("  1. * ", chess.Board()) == ()
+
+
+def test_a_line_that_is_to_be_played_has_a_move() -> None:
+    assert len(given_line("e4 e5", chess.Board())) == 2
+    with pytest.raises(UserError, match="--moves is ' ': give at least one move, such as e4, or leave it out"):
+        given_line(" ", chess.Board())
 
 
 def test_the_board_is_not_changed() -> None:
