@@ -6,7 +6,7 @@ Most parameters of these commands are read through their context: each sets the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from app.players.person import Lines
     from app.settings.defaults import Settings
     from app.terminal.game_display import UserInterface
+
+    Resuming = Callable[[Path, UserInterface, Lines, Mapping[str, str]], SessionResult]
 
 
 @options.shared(
@@ -183,6 +185,9 @@ def resume(
             "--from-board", help="Ignore the recorded position and continue from what stands on the board now."
         ),
     ] = False,
+    engine: options.EnginePath = None,
+    white_engine: options.WhiteEngine = None,
+    black_engine: options.BlackEngine = None,
     page: options.Page = None,
     headless: options.Headless = False,
     as_json: options.AsJson = False,
@@ -195,11 +200,12 @@ def resume(
     from app.settings.files import kept_settings
 
     options.refuse_unseen_page(context)
-    go_on: Callable[[Path, UserInterface, Lines], SessionResult] = resume_from_board if from_board else resume_games
+    go_on: Resuming = resume_from_board if from_board else resume_games
     try:
         settings = kept_settings(match_of(folder)).with_changes({"page.on": page})
     except UserError as error:
         fail(str(error))
+    engines = _other_engines(context, settings, engine, white_engine, black_engine)
     if settings.online.use is not None:
         if from_board:
             fail("a game on Lichess goes on from its own position alone: leave --from-board out")
@@ -213,13 +219,37 @@ def resume(
             fail("a game of two robots goes on from what both have recorded: leave --from-board out")
         secret = secret_or_end(settings.link)
 
-        def go_on(folder: Path, ui: UserInterface, lines: Lines) -> SessionResult:
-            return resume_linked_games(folder, ui, lines, secret)
+        def go_on(folder: Path, ui: UserInterface, lines: Lines, engines: Mapping[str, str]) -> SessionResult:
+            return resume_linked_games(folder, ui, lines, secret, engines)
 
     show_game(
-        "resume", lambda ui, lines: go_on(folder, ui, lines), settings, page_ahead, headless=headless, as_json=as_json,
-        awaited=page is True,
+        "resume", lambda ui, lines: go_on(folder, ui, lines, engines), settings, page_ahead, headless=headless,
+        as_json=as_json, awaited=page is True,
     )  # fmt: skip
+
+
+def _other_engines(
+    context: typer.Context, settings: Settings, both: str | None, white: str | None, black: str | None
+) -> dict[str, str]:
+    """The engines that a match goes on with, by the setting that names them; one for both replaces each side's own.
+
+    Ends the program with a sentence where no engine plays that they could replace.
+    """
+    from app.play.launch import engine_from_anywhere
+    from app.settings.defaults import OnlineUse
+    from app.settings.options import without_effect
+
+    named = {"engine.path": both, "white.path": white or both, "black.path": black or both}
+    engines = {field: engine_from_anywhere(path) for field, path in named.items() if path is not None}
+    given = {"engine": "engine.path", "white_engine": "white.path", "black_engine": "black.path"}
+    for sentence in without_effect(settings, [field for name, field in given.items() if options.given(context, name)]):
+        fail(sentence)
+    person_online = settings.online.use is OnlineUse.PERSON or (settings.link.role is not None and settings.link.person)
+    if engines and (person_online or settings.two_people):
+        fail("no engine plays in this game: leave --engine, --white-engine and --black-engine out")
+    if (white or black) and (settings.online.use is not None or settings.link.role is not None):
+        fail("only one engine plays in this game: name it with --engine")
+    return engines
 
 
 def show_config(

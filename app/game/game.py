@@ -182,7 +182,7 @@ class Game:
         """What the player to move decides; where its engine fails for good and a person is there, the game waits."""
         board = self._table.board
         name = self._players.name(board.turn)
-        self._ui.phase(f"{side_name(board.turn)} thinks ({name})")
+        self._ui.phase(f"{side_name(board.turn)} thinks" + (f" ({name})" if name != "?" else ""))  # as PGN writes it
         since = time.perf_counter()
         while True:
             self._timing.start(board.turn)
@@ -194,7 +194,9 @@ class Game:
                 self._ui.device("engine", False, f"{name}: {problem}")
                 if self._human is None:
                     raise
-                self._human.wait(f"{problem}; say 'go' when I may ask it again")
+                self._human.wait(
+                    f"{problem} ('quit' first, then 'touchmove resume' takes it); say 'go' when I may ask it again"
+                )
         self._ui.device("engine", True, f"{name} answers")
         for trouble in decision.troubles:
             self._ui.phase(f"the engine was started again: {trouble}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -16,13 +16,13 @@ from app.linked.log import LinkedState
 from app.linked.messages import LONGEST_NAME, MOST_PLIES, printable
 from app.linked.secret import LinkSecret
 from app.play.game_setup import rig_setup_of, start_board
-from app.play.launch import completed
+from app.play.launch import NO_OTHERS, completed
 from app.play.match import PERSON, match_of
 from app.play.player_selection import MOVE_TIME, line_players, start_clock
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
 from app.players.commands import Word, word_of
-from app.players.given_line import parse_line
+from app.players.given_line import given_line
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
 from app.players.remote import Notice, Offer, OfferAnswered, Offered, RemoteOpponent
@@ -133,15 +133,19 @@ def run_linked_games(
         ))  # fmt: skip
 
 
-def resume_linked_games(folder: Path, ui: UserInterface, lines: Lines, secret: LinkSecret) -> SessionResult:
-    """Go on with a game of two robots; what one has missed it hears from the other. Raises as ``run_linked_games``."""
+def resume_linked_games(
+    folder: Path, ui: UserInterface, lines: Lines, secret: LinkSecret, engines: Mapping[str, str] = NO_OTHERS
+) -> SessionResult:
+    """Go on with a game of two robots; what one has missed it hears from the other. Raises as ``run_linked_games``;
+    engines as of ``resume_games``.
+    """
     folder = match_of(folder)
     settings = kept_settings(folder)
     with open_link(settings, folder, secret, _name(settings), ui.say) as link:
         if link.peer.log.state.begin is None:
             raise UserError(f"the game in {folder} has not begun: start a new one")
         return _played(settings, link, ui, lines, lambda source, plies, players: resume_remote_games(
-            folder, ui, lines, source, plies=plies, players=players
+            folder, ui, lines, source, plies=plies, players=players, engines=engines
         ))  # fmt: skip
 
 
@@ -177,7 +181,7 @@ def _line(settings: Settings) -> Callable[[ExitStack], Players] | None:
     if settings.game.moves is None or settings.link.person:
         return None
     board = start_board(settings.game.fen, chess960=settings.game.chess960)
-    line = parse_line(settings.game.moves, board)
+    line = given_line(settings.game.moves, board)
     return lambda stack: stack.enter_context(line_players(board, line))
 
 
@@ -207,7 +211,7 @@ def _prepared(settings: Settings) -> Settings:
         board = start_board(settings.game.fen, chess960=settings.game.chess960)
         changes["game.fen"] = board.fen()
         if settings.game.moves is not None:
-            line = parse_line(settings.game.moves, board)
+            line = given_line(settings.game.moves, board)
             changes["game.plies"] = min(settings.game.plies, len(line))
     return settings.with_changes(changes)
 

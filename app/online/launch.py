@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final, TypeVar
@@ -13,6 +13,7 @@ from app.online.lobby import Lobby, WaitingLines
 from app.online.messages import Account
 from app.online.terms import pace_of, require_kept, terms_of
 from app.online.token import read_token, require_server
+from app.play.launch import NO_OTHERS
 from app.play.match import last_round, match_of
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
@@ -62,8 +63,13 @@ def run_online(
         return run_remote_games(settings, ui, said, lobby, ahead)
 
 
-def resume_online(folder: Path, ui: UserInterface, lines: Lines, waiting: Waiting | None = None) -> SessionResult:
-    """Go on with the games of a folder, first with the one that was left; raises as ``run_online``."""
+def resume_online(
+    folder: Path, ui: UserInterface, lines: Lines, engines: Mapping[str, str] = NO_OTHERS,
+    waiting: Waiting | None = None,
+) -> SessionResult:  # fmt: skip
+    """Go on with the games of a folder, first with the one that was left; raises as ``run_online``, engines as of
+    ``resume_games``.
+    """
     folder = match_of(folder)
     settings = kept_settings(folder)
     path, _, sets_up = last_round(folder)
@@ -72,7 +78,7 @@ def resume_online(folder: Path, ui: UserInterface, lines: Lines, waiting: Waitin
     said = WaitingLines(lines)
     with ExitStack() as stack:
         lobby = stack.enter_context(_lobby(settings, ui, said, game, waiting))
-        return resume_remote_games(folder, ui, said, lobby)
+        return resume_remote_games(folder, ui, said, lobby, engines=engines)
 
 
 def _lobby(

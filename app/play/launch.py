@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import Final
 
 import chess
 
@@ -41,8 +43,8 @@ from app.terminal.shown import RigKind, SessionShown
 from controller.wire.link import Listener
 from hardware.piece_set import Colour
 
-if TYPE_CHECKING:
-    pass
+NO_OTHERS: Final[Mapping[str, str]] = MappingProxyType({})
+"""The engines that a match began with."""
 
 
 def run_games(
@@ -84,15 +86,23 @@ def run_games(
         )  # fmt: skip
 
 
-def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
+def resume_games(
+    folder: Path, ui: UserInterface, lines: Lines | None = None, engines: Mapping[str, str] = NO_OTHERS
+) -> SessionResult:
     """Go on with what was interrupted, or whose program or controller died: first with the ply under way.
+
+    Args:
+        folder: of the match, or of one of its games.
+        ui: as of ``run_games``.
+        lines: as of ``run_games``.
+        engines: other ones than before, by the dotted name of the setting; kept for whoever goes on later.
 
     Raises:
         UserError: the folder holds no such game, or the game is over; or as ``run_games``.
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = decided(kept_settings(folder))
+    settings = decided(kept_settings(folder).with_changes(engines))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
     history = read_history(path / EVENTS_FILE, rig_setup.table, ui.say)
@@ -110,6 +120,8 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
             raise UserError(f"the game in {path} is over after {plies_in_words(len(history.plies))}: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
+        if engines:  # they have started
+            keep_settings(folder, settings)
         require_world(rig_setup, folder, history)
         return run_session(
             folder,
@@ -127,15 +139,19 @@ def require_world(rig_setup: RigSetup, folder: Path, history: History) -> None:
         require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
 
 
-def resume_from_board(folder: Path, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
+def resume_from_board(
+    folder: Path, ui: UserInterface, lines: Lines | None = None, engines: Mapping[str, str] = NO_OTHERS
+) -> SessionResult:
     """Go on from whatever stands on the board, with another game in the same folder; its record need not be readable.
+
+    Arguments as of ``resume_games``.
 
     Raises:
         UserError: the folder holds no game against a person, or as ``run_games``.
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = decided(kept_settings(folder))
+    settings = decided(kept_settings(folder).with_changes(engines))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
@@ -154,6 +170,8 @@ def _play_from_board(
     _require_players(settings, rig_setup, ui, human, folder)
     if number == 1:
         make_folder(folder)
+    else:
+        keep_settings(folder, settings)  # the engines may be others than before
     standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
     rig = rig_setup.rig(folder, standing, person_side(settings) or settings.rig.person)
     shown = show_session(settings, rig_setup, folder, human, ui)
@@ -257,11 +275,16 @@ def completed(settings: Settings, rig_setup: RigSetup) -> Settings:
         "black.path": settings.black.path,
     }
     settings = settings.with_changes(
-        {name: str(Path(path).absolute()) for name, path in engines.items() if path is not None and "/" in path}
+        {name: engine_from_anywhere(path) for name, path in engines.items() if path is not None}
     )
     if rig_setup.file is not None and not rig_setup.own:
         settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
     return settings
+
+
+def engine_from_anywhere(path: str) -> str:
+    """The path of an engine, for any working directory; a name alone is looked for on PATH."""
+    return str(Path(path).absolute()) if "/" in path else path
 
 
 def person_side(settings: Settings) -> Colour | None:

@@ -27,6 +27,7 @@ from app.game.remote_timing import RemoteTiming
 from app.game.remote_turn import refusal
 from app.game.timing import Timing, clock_of
 from app.pieces.inventory import Inventory
+from app.pieces.position import set_up
 from app.play.session import Round
 from app.play.table_setup import TableSetup
 from app.players.commands import Word
@@ -151,6 +152,8 @@ class Match:
         board = fixture.board if standing is None else standing
         stands = layout(board)
         sets_up = standing is not None
+        if sets_up:
+            set_up(stands, fixture.board)  # whether the pieces there can show it, before anything is started
         if not sets_up and not self._find_opponent():
             raise UserError("no opponent was found: ask again, or wait longer")
         name = f"set-up-{number}" if sets_up and fixture.plies else self._name("game", number)
@@ -161,11 +164,11 @@ class Match:
 
     def go_on(self, start: Start) -> None:
         """Begin with what another program has left."""
+        self._records.enter_context(start.record)
         fixture = self._take_up(start.number, None)
         assert fixture is not None, "what was begun is among the fixtures"
         if not start.sets_up and not self._find_opponent():
             raise UserError("the opponent of this game was not found: look at the game where it is played")
-        self._records.enter_context(start.record)
         self._ui.round(start.record.folder, start.number, sets_up=start.sets_up)
         self._start = start
 

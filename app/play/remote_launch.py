@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +15,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.game_setup import RigSetup, rig_setup_of, start_board
 from app.play.launch import (
+    NO_OTHERS,
     completed,
     decided,
     filming_of,
@@ -89,13 +90,13 @@ def run_remote_games(
 
 def resume_remote_games(
     folder: Path, ui: UserInterface, lines: Lines, source: OpponentSource, *, plies: int = ENDLESS,
-    players: Callable[[ExitStack], Players] | None = None,
+    players: Callable[[ExitStack], Players] | None = None, engines: Mapping[str, str] = NO_OTHERS,
 ) -> SessionResult:  # fmt: skip
-    """Go on with a game against somebody elsewhere, whom ``source`` finds again; arguments as of ``run_remote_games``,
-    raises as ``resume_games``.
+    """Go on with a game against somebody elsewhere, whom ``source`` finds again; arguments as of ``run_remote_games``
+    and ``resume_games``, raises as the latter.
     """
     folder = match_of(folder)
-    settings = decided(kept_settings(folder))
+    settings = decided(kept_settings(folder).with_changes(engines))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
     history = read_history(path / EVENTS_FILE, rig_setup.table, ui.say)
@@ -112,9 +113,15 @@ def resume_remote_games(
         match, _ = _remote_match(settings, rig_setup, folder, ui, lines, human, source, stack, plies, players)
         start = Start(number, sets_up, GameRecord.go_on(path, history), position)
         require_world(rig_setup, folder, history)
+
+        def go_on(_now: float) -> None:
+            match.go_on(start)
+            if engines:  # they have started
+                keep_settings(folder, settings)
+
         return run_session(
             folder, opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, stack, new=False),
-            RemoteSchedule(match, lambda _: match.go_on(start)), rig_setup.parameters.drive.tick, None, ui,
+            RemoteSchedule(match, go_on), rig_setup.parameters.drive.tick, None, ui,
             session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 

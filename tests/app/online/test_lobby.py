@@ -232,12 +232,12 @@ def test_a_game_that_was_left_goes_on_without_a_ply_lost(tmp_path: Path) -> None
         while len(game.moves) < 2:
             threading.Event().wait(0.01)
         second = Saying("hint", "resign")
-        again = launch.resume_online(tmp_path / "game", second, second, QuickTime())
+        again = launch.resume_online(tmp_path / "game", second, second, waiting=QuickTime())
         assert (again.report.exit_reason, game.status) == ("White resigns", "resign")
         assert [move.uci() for move in recorded(tmp_path / "game").mainline_moves()] == game.moves
         assert any("no hints" in said for said in second.said)
         with pytest.raises(UserError, match="is over after"):
-            launch.resume_online(tmp_path / "game", second, second, QuickTime())
+            launch.resume_online(tmp_path / "game", second, second, waiting=QuickTime())
 
 
 def test_a_game_of_the_account_is_taken_up(tmp_path: Path) -> None:

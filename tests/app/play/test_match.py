@@ -21,9 +21,10 @@ from app.play.launch import resume_games, run_games
 from app.play.match import last_round
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
-from app.settings.files import settings_of
+from app.settings.files import keep_settings, kept_settings, settings_of
 from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
+from engine.stockfish import find_engine
 from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()
@@ -88,19 +89,125 @@ def test_the_last_round_of_a_match_that_began_with_setting_up_is_its_game(tmp_pa
     assert last_round(folder) == (folder, 1, False)
 
 
+def broken_engine(folder: Path) -> str:
+    """One that never names a move."""
+    path = folder / "broken"
+    path.write_text(
+        f"#!{sys.executable} -IS\nimport sys\nfor line in sys.stdin:\n"
+        "    word = line.split()[:1]\n"
+        "    if word == ['uci']: print('id name Broken\\nuciok', flush=True)\n"
+        "    if word == ['isready']: print('readyok', flush=True)\n"
+        "    if word == ['go']: print('bestmove (none)', flush=True)\n",
+        encoding="utf-8",
+    )
+    path.chmod(0o755)
+    return str(path)
+
+
+class Told(UserInterface):
+    """Remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def phase(self, text: str) -> None:
+        self.said.append(text)
+
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
+        self.said.append(sentence)
+
+
+def test_a_game_whose_engine_failed_goes_on_with_another_one(tmp_path: Path) -> None:
+    broken = broken_engine(tmp_path)
+    folder = tmp_path / "game"
+    failed = play(folder, black__path=broken, game__fen=chess.STARTING_FEN, game__plies=2, engine__nodes=20)
+    assert failed.resumable
+    assert "it named no move in" in failed.report.failures[0].reason
+    before = (folder / "settings.json").read_text(encoding="utf-8")
+    missing = CliRunner().invoke(app, ["resume", str(folder), "--no-page", "--engine", "./none"])
+    assert missing.exit_code == 2
+    assert "is not an executable file" in missing.output
+    assert (folder / "settings.json").read_text(encoding="utf-8") == before
+    done = CliRunner().invoke(app, ["resume", str(folder), "--no-page", "--engine", find_engine()])
+    assert done.exit_code == 0, done.output
+    kept = kept_settings(folder)
+    assert (kept.engine.path, kept.white.path, kept.black.path) == (find_engine(),) * 3
+    assert len(moves_of(folder)) == 2
+
+
+def test_another_engine_where_none_plays_is_refused(tmp_path: Path) -> None:
+    play(tmp_path / "game", game__moves="e4 e5", game__plies=1)
+    done = CliRunner().invoke(app, ["resume", str(tmp_path / "game"), "--no-page", "--engine", "stockfish"])
+    assert (done.exit_code, done.output) == (
+        2, "touchmove: --engine has no effect here, it is for engines that choose the moves (without --moves): leave "
+        "it out\n",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "option", "said"),
+    [
+        (
+            {"white.player": "human", "black.player": "human"},
+            "--engine",
+            "no engine plays in this game: leave --engine",
+        ),
+        ({"online.use": "person"}, "--engine", "no engine plays in this game: leave --engine"),
+        ({"link.role": "host"}, "--black-engine", "only one engine plays in this game: name it with --engine"),
+    ],
+)
+def test_another_engine_takes_the_place_of_one_that_plays(
+    tmp_path: Path, changes: dict[str, str], option: str, said: str
+) -> None:
+    keep_settings(tmp_path, settings_of(changes))
+    done = CliRunner().invoke(app, ["resume", str(tmp_path), "--no-page", option, "stockfish"])
+    assert done.exit_code == 2
+    assert done.output.startswith(f"touchmove: {said}")
+
+
+def test_a_person_whose_robots_engine_failed_is_told_how_to_go_on(tmp_path: Path) -> None:
+    named = {
+        "rig.name": "board", "rig.video": False, "out": tmp_path / "game", "black.player": "human", "engine.nodes": 5,
+        "engine.path": broken_engine(tmp_path),
+    }  # fmt: skip
+    told = Told()
+    run_games(settings_of(named), told, TypedLines(io.StringIO("quit\n")))
+    assert "starting broken" in told.said
+    (sentence,) = [one for one in told.said if one.startswith("engine ")]
+    assert sentence.endswith(
+        "name another one with --engine PATH ('quit' first, then 'touchmove resume' takes it); say 'go' when I may ask "
+        "it again"
+    )
+
+
+def test_players_without_a_name_think_without_one(tmp_path: Path) -> None:
+    (tmp_path / "game.pgn").write_text("1. e4 *\n", encoding="utf-8")
+    named = {"rig.name": "board", "rig.video": False, "out": tmp_path / "game", "game.replay": tmp_path / "game.pgn"}
+    told = Told()
+    run_games(settings_of(named), told)
+    assert "White thinks" in told.said
+
+
+def test_a_repeatable_game_at_a_level_is_refused_in_words_of_every_command(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"at full strength: leave it out, or the strength in Elo or skill$"):
+        play(tmp_path / "game", engine__nodes=5, white__elo=500)
+
+
+def test_a_position_for_which_pieces_are_missing_is_refused_before_anything_is_started(tmp_path: Path) -> None:
+    queens = "qqqqqqqk/8/8/8/8/8/8/K7 w - - 0 1"
+    with pytest.raises(UserError, match="the position needs 7 black queens, only 4 stand"):
+        play(tmp_path / "match", game__standing=chess.STARTING_FEN, game__fen=queens, game__plies=0)
+    assert not (tmp_path / "match").exists()
+
+
 def test_a_refused_takeback_leaves_the_clock_running(tmp_path: Path) -> None:
-    said: list[str] = []
-
-    class Told(UserInterface):
-        def say(self, sentence: str, squares: Collection[str] = ()) -> None:
-            said.append(sentence)
-
+    told = Told()
     named = {
         "rig.name": "board", "rig.captured": "box", "rig.video": False, "out": tmp_path / "game", "clock.time": "5+0",
         "game.fen": "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1", "white.player": "human", "engine.nodes": 50,
     }  # fmt: skip
-    done = run_games(settings_of(named), Told(), TypedLines(io.StringIO("exd5\ntakeback\nKd2\nresign\n")))
-    assert any("box" in sentence for sentence in said), said
+    done = run_games(settings_of(named), told, TypedLines(io.StringIO("exd5\ntakeback\nKd2\nresign\n")))
+    assert any("box" in sentence for sentence in told.said), told.said
     plies = read_history(tmp_path / "game" / EVENTS_FILE, TABLE.model_copy(update={"captured": Captured.BOX})).plies
     left = [ply.clock_s["white"] for ply in plies if ply.clock_s is not None and ply.side == "white"]
     assert len(left) == 2
