@@ -202,7 +202,9 @@ def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen
     try:
         board = chess.Board(fen if fen is not None else chess.STARTING_FEN, chess960=chess960)
     except ValueError as error:
-        raise UserError(f"{option} is not a position: {error}") from error
+        raise UserError(
+            f"{option} is not a position ({error}): give a FEN as any chess program copies it, or leave {option} out"
+        ) from error
     if not board.is_valid():
         problems = ", ".join(str(flag.name).lower().replace("_", " ") for flag in board.status())
         raise UserError(

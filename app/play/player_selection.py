@@ -65,8 +65,9 @@ def engine_players(
         return Players(None, None)
     sides = [settings.side(colour) for colour in chess.COLORS]
     if settings.engine.nodes is not None and any(side.elo is not None or side.skill is not None for side in sides):
-        raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
-    ui.phase("starting Stockfish")
+        raise UserError(
+            "--nodes is for repeatable games at full strength: leave it out, or the strength in Elo or skill"
+        )
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
     chosen = human or books or settings.game.fen is not None or settings.practice.odds is not None
@@ -78,6 +79,7 @@ def engine_players(
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:
         kept = _engine_settings(settings, colour, seed, human=human)
+        ui.phase(f"starting {_engine_name(kept)}")
         engine = stack.enter_context(Engine(kept))
         found = _book_of(settings, colour)
         book = None
@@ -96,11 +98,11 @@ def engine_of_both(settings: Settings, stack: ExitStack, ui: UserInterface, pace
     """One engine, as White's settings say, for whichever side it will play against somebody elsewhere, by the clock
     that counts there; arguments and errors as of ``engine_players``.
     """
-    ui.phase("starting Stockfish")
     seed, tables = settings.rig.seed, None
     kept = _engine_settings(settings, chess.WHITE, seed, human=True)
     if settings.engine.move_time is None and settings.engine.nodes is None:
         kept = kept.model_copy(update={"move_time": LONGEST_THOUGHT, "ponder": settings.engine.ponder is not False})
+    ui.phase(f"starting {_engine_name(kept)}")
     engine = stack.enter_context(Engine(kept))
     book = None
     if (found := _book_of(settings, chess.WHITE)) is not None:
@@ -126,8 +128,12 @@ def start_clock(settings: Settings) -> ChessClock | None:
     return ChessClock.new(TimeControl.parse(white), TimeControl.parse(black), settings.clock.arm_time)
 
 
+def _engine_name(settings: EngineSettings) -> str:
+    return "Stockfish" if settings.path is None else Path(settings.path).stem
+
+
 def _name(settings: EngineSettings) -> str:
-    name = "Stockfish" if settings.path is None else Path(settings.path).stem
+    name = _engine_name(settings)
     if settings.elo is not None:
         return f"{name} (Elo {settings.elo})"
     return name if settings.skill is None else f"{name} (skill {settings.skill})"
@@ -153,6 +159,7 @@ def _engine_settings(settings: Settings, colour: chess.Color, seed: int, *, huma
 
 def _opening(settings: Settings, board: chess.Board, seed: int, ui: UserInterface) -> tuple[chess.Move, ...]:
     plain = EngineSettings(path=settings.engine.path)
+    ui.phase(f"starting {_engine_name(plain)}")
     with opening_engine(plain) as engine:
         if not engine.ranks:
             ui.say(f"{_name(plain)} has no option MultiPV, so its opening is chosen by searching each move alone.")

@@ -99,7 +99,10 @@ def recording(path: Path, remedy: str = _ELSEWHERE) -> Iterator[None]:
             path = path.absolute()
             full = f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)})"
             raise NotWritten(full, f"free some space or {remedy}") from error
-        raise NotWritten(f"{path}: {error.strerror or error}", remedy) from error
+        why = f"{path}: {error.strerror or error}"
+        if isinstance(error, FileExistsError) and path.is_file():
+            why = f"{path} is a file, and a folder is needed"
+        raise NotWritten(why, remedy) from error
 
 
 def check_folder(folder: Path, remedy: str = _ELSEWHERE) -> None:

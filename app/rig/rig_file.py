@@ -24,7 +24,7 @@ from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, model_validator
 
-from app.settings.defaults import SIMULATED, Processes
+from app.settings.defaults import BOARD, SIMULATED, Processes
 from app.settings.toml import ConfigError, load_toml, toml_value
 from controller.protocol.key import load_key
 from controller.settings import ANY_PORT, LOOPBACK, ControllerSettings
@@ -216,6 +216,8 @@ class RigFile(Frozen):
 
 def load_rig(path: Path) -> RigFile:
     """Read a rig file; raises ``ConfigError`` if it cannot be read, or something in it is wrong."""
+    if path == Path(BOARD) and not path.exists():
+        raise ConfigError(f"rig {BOARD} has no devices: choose sim, or the TOML file of a lab's rig")
     rig = load_toml(path, RigFile, "rig", "give sim, board, or the TOML file of a lab's rig")
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})

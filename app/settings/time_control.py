@@ -152,6 +152,6 @@ def _minutes(seconds: float) -> str:
 
 def _no_time_control(text: str) -> UserError:
     return UserError(
-        f"'{text}' is not a time control: write minutes and seconds per move such as 5+3, 0:30+1, 5d3 (delay) or "
-        "40/90,30+30 (90 minutes for 40 moves, then 30)"
+        f"'{text}' is not a time control: write minutes, at most 999, and seconds per move such as 5+3, 0:30+1, 5d3 "
+        "(delay) or 40/90,30+30 (90 minutes for 40 moves, then 30)"
     )

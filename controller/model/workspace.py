@@ -228,8 +228,12 @@ def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
     """The table as it is where it fits the robot with the heaviest thing it carries; else moved up, no further than it
     must.
 
-    Raises ``BoardDoesNotFit`` if it fits nowhere below the base's centre; the message says how large squares may be.
+    Raises ``BoardDoesNotFit`` if it fits nowhere below the base's centre, or its squares are smaller than any that are
+    looked for; the message says how large squares may be.
     """
+    least = f"{1e3 * LEAST_SQUARE:.0f}"
+    if table.square < LEAST_SQUARE:
+        raise BoardDoesNotFit(f"squares of {1e3 * table.square:g} mm are too small: choose at least {least} mm", ())
     x, y, depth = table.centre_in_base
     for height in np.arange(0.0, depth - LEAST_DEPTH + 1e-9, DEPTH_STEP).tolist():
         tried = table.model_copy(update={"centre_in_base": (x, y, round(depth - height, 4))})
@@ -238,7 +242,7 @@ def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
     largest = largest_board(model, table)
     raise BoardDoesNotFit(
         f"a board of {1e3 * table.square:.1f} mm squares with its trays fits nowhere below the base: choose squares of "
-        f"{1e3 * LEAST_SQUARE:.0f} to {math.floor(1e3 * largest.square)} mm",
+        f"{least} to {math.floor(1e3 * largest.square)} mm",
         (),
     )
 

@@ -54,8 +54,8 @@ def test_what_is_none_is_refused_with_how_to_write_one(text: str) -> None:
     with pytest.raises(UserError) as caught:
         TimeControl.parse(text)
     assert str(caught.value) == (
-        f"'{text}' is not a time control: write minutes and seconds per move such as 5+3, 0:30+1, 5d3 (delay) or "
-        "40/90,30+30 (90 minutes for 40 moves, then 30)"
+        f"'{text}' is not a time control: write minutes, at most 999, and seconds per move such as 5+3, 0:30+1, 5d3 "
+        "(delay) or 40/90,30+30 (90 minutes for 40 moves, then 30)"
     )
 
 
