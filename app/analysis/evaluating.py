@@ -18,6 +18,8 @@ NODES: Final = 100_000
 """Searched for each position where nothing else is said: some 0.2 s."""
 _PATIENCE: Final = 30.0
 """For what needs no search, and for the start [s]."""
+_LONGEST: Final = 1e8
+"""Some years: more than Python can wait for is no deadline [s]."""
 _SLOWEST: Final = 20_000.0
 """An engine searches at least so many positions a second, also on a busy machine [1/s]."""
 
@@ -59,7 +61,7 @@ class Evaluation:
 
 def analysis_engine(settings: AnalysisSettings) -> Engine:
     """An engine for analyses, not yet open: at full strength and on one thread, so that results repeat exactly."""
-    deadline = _PATIENCE + (0.0 if settings.move_time else settings.nodes / _SLOWEST)
+    deadline = _PATIENCE + (0.0 if settings.move_time else min(settings.nodes / _SLOWEST, _LONGEST))
     return Engine(EngineSettings(path=settings.engine, hash_mb=settings.hash_mb, deadline=deadline))
 
 

@@ -51,7 +51,10 @@ def _report_pages(folder: Path) -> tuple[Path, ...]:
 def analyse(
     file: Annotated[Path, typer.Argument(help="PGN file with one or more games, or the folder of a recorded game.")],
     nodes: Annotated[
-        int | None, typer.Option(min=1, help="Positions searched for each position of the game; 100000 by default.")
+        int | None,
+        typer.Option(
+            min=1, max=(1 << 63) - 1, help="Positions searched for each position of the game; 100000 by default."
+        ),
     ] = None,
     movetime: Annotated[
         float | None, typer.Option(min=0.001, max=3600.0, help="Time for each position instead [s].")

@@ -31,6 +31,8 @@ _MARK: Final = b"\x1aE\xdf\xa3"
 """Begins every film: that of EBML, which WebM is."""
 ELSEWHERE: Final = "choose another file with --output of 'touchmove film'"
 """What can be done about a film that cannot be written; also about one that was to be drawn after a game."""
+FARTHEST: Final = 100.0
+"""That a view from anywhere, or its target, may be from the board [m]."""
 _UNFINISHED: Final = ".part"
 """What a film is called while it is drawn, after its name."""
 
@@ -102,6 +104,11 @@ def standpoint(text: str) -> str | Standpoint:
             f"there is no view '{text}': choose {' or '.join(CAMERAS)}, or give viewpoint and target in metres, such "
             "as 0.5,-0.6,0.4:0,0,0.1"
         ) from None
+    if not all(abs(value) <= FARTHEST for value in (a, b, c, d, e, f)):
+        raise UserError(
+            f"'{text}' does not lie within {FARTHEST:g} m of the board: give viewpoint and target in metres, such as "
+            "0.5,-0.6,0.4:0,0,0.1"
+        )
     if (a, b, c) == (d, e, f):
         raise UserError(f"'{text}' has its target at its viewpoint: give two different points")
     return Standpoint(position=(a, b, c), target=(d, e, f))

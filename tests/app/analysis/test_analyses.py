@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import json
+import threading
 from pathlib import Path
 
 import chess
@@ -92,6 +93,10 @@ def test_evaluations_are_those_of_the_engine_alone(scholar: tuple[Path, Analyses
         for move in analysis.moves[:-1]:
             board.push_uci(move.uci)
         assert evaluate(engine, settings, board).score == score_of(analysis.moves[-2].score or "")
+
+
+def test_a_search_may_be_as_long_as_any_engine_can_be_told() -> None:
+    assert analysis_engine(AnalysisSettings(nodes=(1 << 63) - 1)).settings.deadline < threading.TIMEOUT_MAX
 
 
 def test_a_recorded_game_keeps_its_analysis(tmp_path: Path) -> None:

@@ -187,6 +187,9 @@ def test_views_are_named_or_given_by_two_points(tmp_path: Path) -> None:
         standpoint("above")
     with pytest.raises(UserError, match="has its target at its viewpoint"):
         standpoint("1,1,1:1,1,1")
+    for far in ("1e30,0,0:0,0,0", "nan,0,0:0,0,1", "1e400,0,0:0,0,1", "0,0,1:0,-101,0"):
+        with pytest.raises(UserError, match=f"'{far}' does not lie within 100 m of the board: give viewpoint"):
+            standpoint(far)
     assert default_output(tmp_path, "film").name == FILM_FILE
     assert default_output(tmp_path, "camera").name == "game-camera.webm"
     with pytest.raises(ValidationError, match="multiple of 2"):
