@@ -162,4 +162,7 @@ def _make_secret(path: Path) -> None:
 def _typed() -> str:
     if sys.stdin is None or not sys.stdin.isatty():
         fail("two robots need a secret that both know, and nobody can type it here: name its file with --secret")
-    return getpass.getpass("touchmove: secret of both robots: ")
+    try:
+        return getpass.getpass("touchmove: secret of both robots: ")
+    except EOFError:
+        fail("no secret was typed: type it, or name its file with --secret")

@@ -41,14 +41,17 @@ def page(
 
 def _set_password(file: Path) -> None:
     import getpass
+    import warnings
 
     from app.page.web.sign_in import PasswordHash
 
     try:
-        first = getpass.getpass("Password of the page: ")
-        made = PasswordHash.of(first)
-        again = getpass.getpass("Repeat it: ")
-    except EOFError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", getpass.GetPassWarning)  # it would be read where anybody sees it
+            first = getpass.getpass("Password of the page: ")
+            made = PasswordHash.of(first)
+            again = getpass.getpass("Repeat it: ")
+    except (EOFError, getpass.GetPassWarning):
         fail("no password was typed, and nothing was written: run this at a terminal")
     except KeyboardInterrupt:
         fail("interrupted; nothing was written", 130)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import getpass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from typer import Exit
 from typer.testing import CliRunner
 
 from app.cli.commands import app
+from app.cli.linked import secret_or_end
+from app.settings.defaults import LinkSection
 
 RUN = CliRunner()
 
@@ -29,6 +34,17 @@ def test_a_mistake_is_said_in_one_sentence(tmp_path: Path, arguments: tuple[str,
     assert told.exit_code == 2
     assert sentence in told.stderr
     assert "Traceback" not in told.stderr
+
+
+def test_a_secret_that_nobody_types_ends_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(_: str) -> str:
+        raise EOFError
+
+    monkeypatch.setattr("app.cli.linked.sys.stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(getpass, "getpass", closed)
+    with pytest.raises(Exit) as ended:
+        secret_or_end(LinkSection())
+    assert ended.value.exit_code == 2
 
 
 def test_a_host_makes_a_secret_once(tmp_path: Path) -> None:

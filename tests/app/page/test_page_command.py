@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -121,14 +122,20 @@ def test_a_password_that_is_no_good_is_not_kept(
     assert not (tmp_path / "password").exists()
 
 
-def test_where_nobody_can_type_a_password_none_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("seen", [True, False])
+def test_where_nobody_can_type_a_password_none_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seen: bool
+) -> None:
     def nobody(_: str) -> str:
+        if seen:
+            warnings.warn("it can be seen", getpass.GetPassWarning, stacklevel=2)
         raise EOFError
 
     monkeypatch.setattr(getpass, "getpass", nobody)
     done = CliRunner().invoke(app, ["page", "--set-password", str(tmp_path / "password")])
     assert done.exit_code == 2
-    assert "run this at a terminal" in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert "run this at a terminal" in line
     assert not [*tmp_path.iterdir()]
 
 
