@@ -158,12 +158,12 @@ def commission(
     as_json: Annotated[bool, typer.Option("--json", help="Print the steps and the last findings as JSON.")] = False,
 ) -> None:
     """Bring an arm up, step by step, from the first switch-on to its first game. Keep hands away."""
-    from app.commissioning.bring_up.commission import run_commission
-    from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
     from app.commissioning.bring_up.steps import CommissionStep
 
     if start is not None and start not in list(CommissionStep):
         fail(f"'--from {start}' is not a step, choose from: {', '.join(CommissionStep)}")
+    from app.commissioning.bring_up.commission import run_commission  # takes seconds to load
+    from app.commissioning.bring_up.person import Commissioner, GivenAnswers, load_answers, parse_triple
 
     def bring_up() -> CommissionReport:
         given = GivenAnswers() if answers is None else load_answers(answers)

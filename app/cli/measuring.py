@@ -26,6 +26,12 @@ def figures(
     import json
 
     from app import UserError
+    from app.measure.names import FIGURES, require_name
+
+    try:
+        require_name("figure", name, FIGURES)
+    except UserError as error:
+        fail(str(error))
     from app.measure.figures import make_figure
     from hardware.interfaces import HardwareError
 
@@ -67,13 +73,22 @@ def bench(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Measure, and say whether each requirement is met."""
+    from app import UserError
+    from app.measure.names import BENCHES, require_name
+
+    try:
+        require_name("bench", name, BENCHES)
+    except UserError as error:
+        fail(str(error))
     from app.measure.bench import run_bench
 
     show_report(lambda: run_bench(name, quick, say, photos, watchers, standard_cycle=standard_cycle), as_json)
 
 
 def vision(
-    folder: Annotated[Path, typer.Argument(help="Pictures of a game in order of their names, or a video.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with pictures of a game in order of their names, or with a video.")
+    ],
     corners: Annotated[
         str, typer.Option(help="The board's corners: find: in the pictures; labels: from labels.json.")
     ] = "find",

@@ -26,6 +26,7 @@ from app.measure.bench.unknown.commission import commission_bench
 from app.measure.bench.unknown.identify import identify_bench
 from app.measure.bench.vision.pictures import pictures_bench
 from app.measure.bench.vision.rows import vision_bench
+from app.measure.names import require_name
 
 Bench = Callable[[bool, Progress], BenchReport]
 
@@ -37,13 +38,6 @@ BENCHES: Mapping[str, Bench] = MappingProxyType({
     "campaign": campaign_bench,
 })  # fmt: skip
 """By name; each takes ``quick`` and a function that is told what is being done."""
-
-
-class UnknownBench(UserError):
-    """There is no bench of that name."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(f"there is no bench '{name}', choose from: {', '.join(BENCHES)}")
 
 
 def run_bench(
@@ -64,8 +58,7 @@ def run_bench(
         UserError: there is no such bench, or photographs are given that are not there or not looked at, or watchers
             where there is no page, or another bench than motion is asked for the standard cycle.
     """
-    if name not in BENCHES:
-        raise UnknownBench(name)
+    require_name("bench", name, tuple(BENCHES))
     if standard_cycle:
         if name != "motion":
             raise UserError(f"bench '{name}' has no standard cycle: leave --standard-cycle out, or run bench motion")

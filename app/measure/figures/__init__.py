@@ -19,6 +19,7 @@ from app.measure.figures.result import FigureResult, Progress, save
 from app.measure.figures.separation import separation
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
+from app.measure.names import require_name
 from app.records.files import check_folder
 
 FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
@@ -26,13 +27,6 @@ FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
     "workspace": workspace, "separation": separation,
 })  # fmt: skip
 """By name; numbers are the paper's."""
-
-
-class UnknownFigure(UserError):
-    """There is no figure of that name."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}, move")
 
 
 def make_figure(
@@ -52,8 +46,7 @@ def make_figure(
     """
     if name == "move":
         return save(name, move_figure(move, fen, progress), folder)
-    if name not in FIGURES:
-        raise UnknownFigure(name)
+    require_name("figure", name, (*FIGURES, "move"))
     if move != MOVE or fen is not None:
         raise UserError(f"figure {name} shows no single move: leave out move and --fen, or draw figure move")
     check_folder(folder)

@@ -14,8 +14,10 @@ import pytest
 from typer.testing import CliRunner
 
 import app.measure.bench.law as law_bench
+from app import UserError
 from app.cli.commands import app as command_line
-from app.measure.bench import BENCHES, UnknownBench, run_bench
+from app.measure import names
+from app.measure.bench import BENCHES, run_bench
 from app.measure.bench.beds.recording import TickRecording, found, record
 from app.measure.bench.law import Starts, start_once, tick_parts
 from app.measure.bench.report import BenchReport, Row, machine, row
@@ -123,8 +125,9 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 
 
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
+    assert tuple(BENCHES) == names.BENCHES
     with pytest.raises(
-        UnknownBench,
+        UserError,
         match=r"^there is no bench .speed., choose from: law, .*, recovery, .*, drives, .*, commission, campaign$",
     ):
         run_bench("speed", quick=True, progress=print)

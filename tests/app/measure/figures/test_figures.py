@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from app import UserError
 from app.cli.commands import app as command_line
-from app.measure.figures import FIGURES, UnknownFigure, make_figure
+from app.measure import names
+from app.measure.figures import FIGURES, make_figure
 from app.measure.figures.drawing import axes, picture
 from app.measure.figures.result import Bar, FigureResult, FolderUnusable, save
 
@@ -55,8 +57,9 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path
 
 
 def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
+    assert set(names.FIGURES) == {*FIGURES, "move"}
     sentence = "there is no figure '8', choose from: 5, 6, 7, 9, newton, encoder, touch, workspace, separation, move"
-    with pytest.raises(UnknownFigure, match=f"^{sentence}$"):
+    with pytest.raises(UserError, match=f"^{sentence}$"):
         make_figure("8", tmp_path, print)
     done = CliRunner().invoke(command_line, ["figures", "8", "--out", str(tmp_path)])
     assert done.exit_code == 2
@@ -68,6 +71,7 @@ def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_says_by_its_status_whether_it_holds(
     value: float, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("app.measure.names.FIGURES", ("line",))
     monkeypatch.setattr("app.measure.figures.FIGURES", {"line": lambda progress: sketch(value)})
     done = CliRunner().invoke(command_line, ["figures", "line", "--out", str(tmp_path), "--json"])
     assert done.exit_code == status
