@@ -292,7 +292,10 @@ def test_nothing_is_written_to_a_blank_name(
     done = CliRunner().invoke(app, [*command.split(), name])
     assert done.exit_code == 2
     (line,) = done.output.splitlines()
-    assert f"'{command.rsplit(maxsplit=1)[-1]}': '{' ' if name else ''}' is no name: name a file or folder" in line
+    option = command.rsplit(maxsplit=1)[-1]
+    assert line.startswith(
+        f"touchmove: {option} is '{' ' if name else ''}': name a file or folder, or leave the option out"
+    )
     assert not [*tmp_path.iterdir()]
 
 
@@ -305,7 +308,7 @@ def never(*_: object, **__: object) -> None:
     ("name", "said"),
     [
         ("/proc/x/y", "/proc/x: No such file or directory: choose another file with --out"),
-        ("notes.txt/y", "File exists: choose another file with --out"),
+        ("notes.txt/y", "this is a file, and a folder is needed: choose another file with --out"),
         ("notes.txt", "notes.txt exists and is not a"),
         (".", ". is a folder: name a file in it with --out"),
     ],
@@ -391,7 +394,7 @@ def test_a_file_in_the_place_of_a_folder_is_said_to_be_one(tmp_path: Path) -> No
     out = tmp_path / "file"
     out.touch()
     done = CliRunner().invoke(app, ["demo", "--rig", "board", "--moves", "e4", "--headless", "--out", str(out)])
-    said = f"touchmove: {out} is a file, and a folder is needed: choose another folder with --out\n"
+    said = f"touchmove: {out}: this is a file, and a folder is needed: choose another folder with --out\n"
     assert (done.exit_code, done.output) == (2, said)
 
 

@@ -33,7 +33,7 @@ def _one_sentence() -> Iterator[None]:
     except KeyboardInterrupt:
         fail(INTERRUPTED, 130)
     except TyperException as error:
-        sentence = error.format_message().replace("Value error, ", "")
+        sentence = error.format_message()
         if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
             raise
         fail(f"{(_refused(error) or sentence).rstrip('.')}: {_lists(getattr(error, 'ctx', None))}")

@@ -17,7 +17,7 @@ from app.cli.ending import fail, say
 def written(text: str | Path) -> Path:
     """What an option names that is to be written; an empty name, as of a shell's unset variable, means nothing."""
     if not str(text).strip():
-        raise ValueError(f"'{text}' is no name: name a file or folder, or leave the option out")
+        raise ValueError("name a file or folder, or leave the option out")
     return Path(text)
 
 

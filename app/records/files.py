@@ -99,10 +99,15 @@ def recording(path: Path, remedy: str = _ELSEWHERE) -> Iterator[None]:
             path = path.absolute()
             full = f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)})"
             raise NotWritten(full, f"free some space or {remedy}") from error
-        why = f"{path}: {error.strerror or error}"
-        if isinstance(error, FileExistsError) and path.is_file():
-            why = f"{path} is a file, and a folder is needed"
-        raise NotWritten(why, remedy) from error
+        raise NotWritten(f"{path}: {error.strerror or error}", remedy) from error
+
+
+def make(folder: Path) -> None:
+    """Make a folder and those above it, where they are missing; ``OSError``: it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise FileExistsError(error.errno, "this is a file, and a folder is needed") from error
 
 
 def check_folder(folder: Path, remedy: str = _ELSEWHERE) -> None:
@@ -112,7 +117,7 @@ def check_folder(folder: Path, remedy: str = _ELSEWHERE) -> None:
         RecordError: they cannot.
     """
     with recording(folder, remedy):
-        folder.mkdir(parents=True, exist_ok=True)
+        make(folder)
         tempfile.TemporaryFile(dir=folder).close()
 
 
@@ -154,7 +159,7 @@ def new_folder(parent: Path, now: datetime) -> Path:
     """
     name = now.strftime("%Y-%m-%dT%H-%M-%SZ")
     with recording(parent):
-        parent.mkdir(parents=True, exist_ok=True)
+        make(parent)
     number = 1
     while True:
         folder = parent / (name if number == 1 else f"{name}-{number}")
@@ -215,7 +220,7 @@ def make_folder(folder: Path) -> None:
         RecordError: it cannot be made, or holds a game already.
     """
     with recording(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+        make(folder)
         if (folder / EVENTS_FILE).exists():
             raise _occupied(folder / EVENTS_FILE)
 

@@ -37,7 +37,7 @@ from app.records.events import (
     start_event,
     transfer_records,
 )
-from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
+from app.records.files import EVENTS_FILE, LineLog, make, recording, write_atomically
 from app.records.history import History, RecordState, Unfinished
 from app.records.pgn_writing import PgnFile, PgnMove
 from app.records.report import Report, summarise
@@ -108,7 +108,7 @@ class GameRecord:
             now: wall time, for tests.
         """
         with recording(folder):
-            folder.mkdir(parents=True, exist_ok=True)
+            make(folder)
         log = LineLog(folder / EVENTS_FILE)
         start = start_event(now(), plant_time, setup, board, inventory)
         try:

@@ -109,7 +109,7 @@ def test_folders_are_named_after_the_time_and_never_shared(tmp_path: Path) -> No
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "games").write_text("a file")
-    message = f"{tmp_path}/games: File exists: choose another folder with --out"
+    message = f"{tmp_path}/games: this is a file, and a folder is needed: choose another folder with --out"
     with pytest.raises(RecordError, match=f"^{re.escape(message)}$"):
         new_folder(tmp_path / "games", NOON)
 

@@ -159,7 +159,10 @@ def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
         ("", r"is a folder: name a file in it with --output$"),
         ("folder.webm", r"is a folder: name a file in it with --output$"),
         ("device.webm", r"is not an ordinary file: choose another file with --output$"),
-        ("other.webm/film.webm", r"(File exists|Not a directory): choose another file with --output$"),
+        (
+            "other.webm/film.webm",
+            r"(this is a file, and a folder is needed|Not a directory): choose another file with --output$",
+        ),
         ("/proc/x/film.webm", r"^/proc/x: No such file or directory: choose another file with --output$"),
     ],
 )
