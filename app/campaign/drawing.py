@@ -9,15 +9,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from app import UserError
 from app.campaign.schema import DrawnValue, TaskKind
 from app.campaign.spec import CampaignSpec, ChoiceRange, DrawRange, fields, is_whole
 from app.campaign.task import CampaignFaults, CampaignStart, CampaignTask, SessionPlan
 from app.campaign.tasks.acts import Act
+from app.play.game_setup import rig_setup_of
 from app.settings.defaults import PlayerKind, Settings
 from app.settings.toml import sentence_of
 from hardware.interfaces import Pace
@@ -29,6 +32,15 @@ _M = TypeVar("_M", bound=BaseModel)
 LINGER: Final = 60.0
 """So long a world waits for its program, as on a machine with much to do [s, wall]; where that was killed for good,
 whoever comes next ends the world (``scratch``)."""
+NOT_USED: Final = MappingProxyType({
+    TaskKind.GAME: ("session.",),
+    TaskKind.SESSION: ("faults.kills", "faults.knocks", "faults.hands", "start.line", "game.moves"),
+    TaskKind.SETUP: (
+        "faults.kills", "faults.knocks", "faults.hands", "start.", "session.", "game.plies", "game.moves", "engine.",
+        "white.", "black.",
+    ),
+})  # fmt: skip
+"""What a kind has no use for, by name, or by what names begin with."""
 _SETTINGS: Final = "settings"
 _SECTIONS: Final[dict[str, type[BaseModel]]] = {
     "randomisation": Randomisation, "faults": CampaignFaults, "start": CampaignStart, "session": SessionPlan,
@@ -51,17 +63,36 @@ def check_ranges(spec: CampaignSpec) -> None:
     Raises:
         ValueError: something is not; a sentence says what.
     """
-    kinds, middle = fields(), draw(spec, 0).drawn
-    for name, one in spec.ranges.items():
-        for end in one.one_of if isinstance(one, ChoiceRange) else one.ends:
-            value = round(end) if isinstance(end, float) and is_whole(kinds[name]) else end
-            _task(spec, 0, {**middle, name: value})
+    for name in spec.draw:
+        _require_used(spec.kind, name)
+    ends = {name: _ends(name, one) for name, one in spec.ranges.items()}
+    first = {name: values[0] for name, values in ends.items()}
+    _try(spec, first)
+    for name, values in ends.items():
+        for value in values[1:]:
+            _try(spec, {**first, name: value})
+    draw(spec, 0)
 
 
 def stream(name: str, seed: int) -> np.random.Generator:
     """Random numbers of a name and a seed, independent of those of any other."""
     digest = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], dtype="<u4")
     return np.random.default_rng([seed, *(int(word) for word in digest)])
+
+
+def _ends(name: str, one: DrawRange) -> tuple[Any, ...]:
+    """As they are in the file; of a list all of its values."""
+    if isinstance(one, ChoiceRange):
+        return one.one_of
+    return tuple(map(int, one.ends)) if is_whole(fields()[name]) else one.ends
+
+
+def _try(spec: CampaignSpec, drawn: Mapping[str, Any]) -> None:
+    task = _task(spec, 0, drawn)
+    try:
+        rig_setup_of(task.settings.rig)
+    except UserError as error:
+        raise ValueError(str(error).replace("--", "rig.", 1)) from error
 
 
 def _value(name: str, one: DrawRange, seed: int) -> Any:
@@ -130,15 +161,29 @@ def _usual(task: CampaignTask, given: Mapping[str, Any]) -> dict[str, Any]:
 def _require_sense(task: CampaignTask) -> None:
     settings, start = task.settings, task.start
     chosen = start.line or settings.game.moves is not None or task.kind is TaskKind.SETUP
-    if start.plies and (settings.game.fen is not None or chosen):
-        raise ValueError("start.plies is a beginning: leave it out, or game.fen, game.moves and start.line")
+    own = next((name for name in ("fen", "moves") if getattr(settings.game, name) is not None), None)
+    begins = [name for name, given in (
+        ("start.plies", start.plies), ("start.line", start.line), (f"game.{own}", own),
+    ) if given]  # fmt: skip
+    if len(begins) > 1:
+        raise ValueError(f"{begins[0]} and {begins[1]} exclude each other: leave one of them out")
+    if not settings.game.plies and task.kind is not TaskKind.SETUP:
+        raise ValueError('game.plies = 0 plays nothing: choose at least 1, or kind = "setup", which has no plies')
     engine, sides = settings.engine, (settings.white, settings.black)
     if not chosen and engine.nodes is None and engine.move_time is None and all(side.elo is None for side in sides):
-        raise ValueError("engines that think by time play no game twice: give engine.nodes, such as 2000")
+        raise ValueError(
+            "it is not said how long engines think: give engine.nodes, such as 2000, and each game can be repeated; or "
+            "engine.move_time, such as 0.1 [s], and none can"
+        )
     if task.kind is not TaskKind.SESSION and any(side.player is PlayerKind.HUMAN for side in sides):
         raise ValueError('a person at the board is scripted: say kind = "session", and leave white.player out')
-    if task.kind is not TaskKind.GAME and (task.faults.kills or task.faults.knocks or task.faults.hands):
-        raise ValueError('faults.kills, faults.knocks and faults.hands are for kind = "game": leave them out')
+
+
+def _require_used(kind: TaskKind, name: str) -> None:
+    kinds = [str(one) for one in TaskKind if not name.startswith(NOT_USED[one])]
+    if kind not in kinds:
+        said = " or ".join(f'"{one}"' for one in kinds)
+        raise ValueError(f"{name} is for kind = {said}, not {kind}: leave it out")
 
 
 def _checked(made: Callable[[], _M], section: str = "") -> _M:

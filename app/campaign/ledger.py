@@ -9,7 +9,7 @@ from typing import Final, Self
 from pydantic import ValidationError
 
 from app import UserError
-from app.campaign.schema import LEDGERS, TaskResult
+from app.campaign.schema import LEDGERS, SCHEMA_VERSION, TaskResult
 from app.records.files import LineLog, recording, whole_lines
 
 _NAME: Final = LEDGERS.replace("*", "{}")
@@ -34,7 +34,8 @@ class Shard(tuple[int, int]):
         number, _, parts = text.partition("/")
         if number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts):
             return cls((int(number), int(parts)))
-        raise LedgerError(f"--shard is '{text}': say which part of how many, from 1/8 to 8/8")
+        most = int(parts) if parts.isdecimal() and int(parts) else 8
+        raise LedgerError(f"--shard is '{text}': say which part of how many, from 1/{most} to {most}/{most}")
 
     def indices(self, games: int) -> range:
         """Its tasks; those of all shards together are all of the campaign's, none of them twice."""
@@ -97,7 +98,7 @@ def results_in(path: Path) -> Iterator[TaskResult]:
     """The results of a ledger, in the order in which they came in; a last line that was cut short is left out.
 
     Raises:
-        LedgerError: a line is no result of this version.
+        LedgerError: a line is damaged, or of another version.
         RecordError: it cannot be read.
     """
     with recording(path):
@@ -106,12 +107,17 @@ def results_in(path: Path) -> Iterator[TaskResult]:
         try:
             yield TaskResult.model_validate_json(line)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = ".".join(str(part) for part in first["loc"]) or "the line"
-            raise LedgerError(
-                f"{path}, line {number}, is no result of this version ({where}: {first['msg']}): read it with the "
-                "version that wrote it"
-            ) from error
+            raise LedgerError(f"{path}: line {number} {_explained(error)}") from error
+
+
+def _explained(problem: ValidationError) -> str:
+    errors = problem.errors(include_url=False)
+    other = next((error["input"] for error in errors if error["loc"][-1:] == ("schema_version",)), None)
+    if other is not None:
+        return f"is of version {other} and not {SCHEMA_VERSION}: read it with a program of the version that wrote it"
+    first = errors[0]
+    what = "" if first["type"] == "json_invalid" else f" ({'.'.join(map(str, first['loc']))}: {first['msg']})"
+    return f"is damaged{what}: remove that line, and its game is played again"
 
 
 def ledgers_in(folder: Path) -> tuple[Path, ...]:

@@ -59,7 +59,7 @@ class Repetition(Frozen):
                 "not the same to the last bit, as it cannot be: lost datagrams, killed programs and hands before a "
                 f"moving arm are met by wall time; it differs in {', '.join(self.different)}"
             )
-        if self.different and self.environment:
+        if self.before is not None and self.environment:
             yield f"the environment is another one: {'; '.join(self.environment)}"
         if self.different and self.other_cpu:
             yield "it was played on another kind of processor, whose sums may differ in the last bit"
@@ -79,7 +79,11 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
         UserError: there is no such campaign or seed, the folder is taken, or it crashes or cannot be played here.
     """
     kept = kept_campaign(folder)
-    task = draw(kept.spec, require_games(kept, folder, seed))
+    index = require_games(kept, folder, seed)
+    try:
+        task = draw(kept.spec, index)
+    except ValueError as error:  # an older version may have allowed what this one does not
+        raise UserError(f"the campaign in {folder} cannot be drawn by this version: {error}") from error
     if output.exists():
         raise UserError(f"{output} is there already: name another folder with --out")
     before = next((one for path in ledgers_in(folder) for one in results_in(path) if one.game.seed == seed), None)

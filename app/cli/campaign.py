@@ -74,7 +74,7 @@ def run(
         summary = _run(load_spec(file), wish)
     except UserError as error:
         fail(str(error))
-    _tell(summary, as_json)
+    _tell(summary, wish, as_json)
     raise typer.Exit(0 if summary.holds else 1)
 
 
@@ -91,12 +91,16 @@ def _run(spec: CampaignSpec, wish: CampaignWish) -> CampaignSummary:
         fail(f"interrupted; what was played is in {wish.folder}, and the same command goes on", 130)
 
 
-def _tell(summary: CampaignSummary, as_json: bool) -> None:
+def _tell(summary: CampaignSummary, wish: CampaignWish, as_json: bool) -> None:
     for game in summary.failed:
         say(f"seed {game.seed} {game.outcome}: {game.reason}")
         say(f"  again: touchmove campaign repeat {summary.folder} {game.seed} --film")
     counts = ", ".join(f"{number} {outcome}" for outcome, number in sorted(summary.outcomes.items()))
-    say(f"{summary.done} of {summary.games} games: {counts or 'none'}")
+    if summary.games:
+        say(f"{summary.done} of {summary.games} games: {counts or 'none'}")
+    else:
+        number, parts = wish.shard
+        say(f"part {number} of {parts} is empty: there are fewer games than parts; choose more --games, or fewer parts")
     print(summary.model_dump_json(indent=2) if as_json else summary.folder)
 
 

@@ -92,13 +92,18 @@ def test_only_what_wall_time_has_a_part_in_cannot_repeat() -> None:
     ("text", "said"),
     [
         ("[draw]\nengine.node = 3\n", "there is nothing called engine.node to draw: did you mean engine.nodes?"),
-        ("[draw]\ngame.plies = 3\n", "give engine.nodes, such as 2000"),
+        (
+            "[draw]\ngame.plies = 3\n",
+            "give engine.nodes, such as 2000, and each game can be repeated; or engine.move_time",
+        ),
         ("[draw]\nengine.nodes = {from = 5, to = 3}\n", "to = 3 is below from = 5: exchange them"),
         ("[draw]\nengine.nodes = {from = 0, to = 3, log = true}\n", "from = 0 has no logarithm"),
         ("[draw]\nengine.nodes = 3\nfaults.grip = {from = 0, to = 1.5}\n", ": faults.grip: "),
         ("[draw]\nengine.nodes = 3\nrig.profile = {one_of = ['fast', 'faster']}\n", "faster"),
-        ("kind = 'setup'\n[draw]\nfaults.kills = 1\n", 'are for kind = "game"'),
-        ("[draw]\nengine.nodes = 3\nstart.plies = 4\nstart.line = true\n", "start.plies is a beginning"),
+        ("kind = 'setup'\n[draw]\nfaults.kills = 1\n", 'faults.kills is for kind = "game", not setup: leave it out'),
+        ("kind = 'setup'\n[draw]\ngame.plies = 4\n", 'game.plies is for kind = "game" or "session", not setup: leave'),
+        ("kind = 'setup'\n[draw]\nengine.nodes = 4\n", 'engine.nodes is for kind = "game" or "session", not setup: l'),
+        ("kind = 'session'\n[draw]\nengine.nodes = 4\nstart.line = true\n", 'start.line is for kind = "game", not se'),
         ("sort = 'game'\n", "there is no setting sort"),
     ],
 )
@@ -128,6 +133,20 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
         ("session.often = {knok = 1}", "session.often: there is no act knok: did you mean knock? There are move, ill"),
         ("session.often = {zzz = 1}", "session.often: there is no act zzz: choose move, illegal, knock, two, swap"),
         ("session.often = {knock = -1}", "session.often.knock: it should be at least 0, not -1"),
+        ("session.acts = 3", 'session.acts is for kind = "session", not game: leave it out'),
+        ("start.plies = 4\nstart.line = true", "start.plies and start.line exclude each other: leave one of them out"),
+        ("start.line = true\ngame.fen = '8/8/8/4k3/8/8/4K3/8 w - - 0 1'", "start.line and game.fen exclude each other"),
+        ("game.plies = 0", 'game.plies = 0 plays nothing: choose at least 1, or kind = "setup", which has no plies'),
+        ("game.plies = {from = 0, to = 3}", "game.plies = 0 plays nothing"),
+        (
+            "rig.square = 900",
+            "rig.square: a board of 900.0 mm squares with its trays fits nowhere below the base: choose",
+        ),
+        ("rig.square = {from = 30, to = 900}", "rig.square: a board of 900.0 mm squares"),
+        (
+            "randomisation.friction = {from = -0.2, to = 0.2}",
+            "randomisation.friction: it should be at least 0, not -0.2",
+        ),
         ("rig.seed = 3", "rig.seed is the campaign's own: say first_seed"),
         ("out = 'there'", "out is the campaign's own: say --out on the command line"),
         ("rig.pace = 'fast'", "rig.pace is the campaign's own: it is always fast; leave it out"),
@@ -140,8 +159,9 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
 )
 def test_a_sentence_has_the_name_as_it_is_in_the_file_and_the_remedy(tmp_path: Path, text: str, said: str) -> None:
     nodes = "" if text.startswith("engine.nodes") else "engine.nodes = 3\n"
+    kind = 'kind = "session"\n' if text.startswith("session.often") else ""
     with pytest.raises(ConfigError) as caught:
-        load_spec(written(tmp_path, f"[draw]\n{nodes}{text}\n"))
+        load_spec(written(tmp_path, f"{kind}[draw]\n{nodes}{text}\n"))
     _, _, sentence = str(caught.value).partition("campaign.toml: ")
     assert sentence.startswith(said), sentence
     assert "what is there" not in sentence

@@ -68,14 +68,31 @@ def test_whatever_a_crash_left_at_the_end_costs_the_last_result_at_most(
     assert {one.game.index: one for one in results_in(path)} == dict(enumerate(whole))
 
 
-def test_two_programs_cannot_write_it_and_a_foreign_line_is_said(tmp_path: Path) -> None:
+def test_two_programs_cannot_write_it(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     with Ledger(path) as ledger:
         ledger.add(result(0))
         with pytest.raises(RecordError, match="end that program first"):
             Ledger(path)
-    path.write_bytes(b'{"what": 1}\n' + path.read_bytes())
-    with pytest.raises(LedgerError, match="line 1, is no result of this version"):
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (b"{", b"{{{", "line 2 is damaged: remove that line, and its game is played again"),
+        (b'"seed":', b'"sead":', r"line 2 is damaged \(game.seed: Field required\): remove that line"),
+        (
+            b'"schema_version":1',
+            b'"schema_version":2',
+            "line 2 is of version 2 and not 1: read it with a program of th",
+        ),
+    ],
+)
+def test_a_line_that_is_no_result_is_said(tmp_path: Path, old: bytes, new: bytes, said: str) -> None:
+    path = tmp_path / "results.jsonl"
+    lines = [result(n).model_dump_json().encode() for n in range(3)]
+    path.write_bytes(b"\n".join((lines[0], lines[1].replace(old, new, 1), lines[2], b"")))
+    with pytest.raises(LedgerError, match=said):
         Ledger(path)
 
 
@@ -89,9 +106,11 @@ def test_shards_are_named_and_have_ledgers_of_their_own() -> None:
     assert Shard.parse("2/8") == (2, 8)
     assert Shard.parse("2/8").ledger == "results-2-of-8.jsonl"
     assert Shard.parse("1/1").ledger == "results.jsonl"
-    for wrong in ("0/8", "9/8", "2", "a/b", "1/0", "-1/2"):
+    for wrong in ("0/8", "9/8", "2", "a/b", "1/0", "-1/8"):
         with pytest.raises(LedgerError, match="from 1/8 to 8/8"):
             Shard.parse(wrong)
+    with pytest.raises(LedgerError, match="from 1/2 to 2/2"):
+        Shard.parse("3/2")
 
 
 def test_tables_hold_what_the_ledgers_of_all_shards_hold_once(tmp_path: Path) -> None:

@@ -14,12 +14,14 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from app import UserError
 from app.campaign.drawing import draw
 from app.campaign.environment import environment_here
 from app.campaign.folder import CampaignFolderError, kept_campaign
 from app.campaign.ledger import WHOLE, Shard, results_in
+from app.campaign.repeating import Repetition
 from app.campaign.running import CampaignSummary, CampaignWish, run_campaign
 from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
 from app.campaign.schema import GameRow, TaskOutcome, TaskResult
@@ -30,6 +32,7 @@ from app.campaign.troubles import BrokenOff, EnvironmentDiffers, MachineTrouble
 from app.campaign.workers.local import LocalWorkers, WorkerDied
 from app.campaign.workers.order import TaskOrder
 from app.campaign.workers.stub import StubPlan, play_stub
+from app.cli.commands import app as command_line
 from app.measure.bench.campaign import SPEC, Unwatched
 from app.records import RecordError
 
@@ -114,6 +117,29 @@ def test_an_interrupted_campaign_goes_on_by_the_same_call(tmp_path: Path, undist
     assert run_campaign(SPEC, wish(GAMES, folder), shown).holds
     assert shown.before == played - 1
     assert rows(folder) == undisturbed
+
+
+def test_a_part_without_games_is_said_to_be_empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    none = CampaignSummary(folder=tmp_path, games=0, done=0, outcomes={}, failed=(), wall_s=0.0, played=0)
+    monkeypatch.setattr("app.campaign.running.run_campaign", lambda *_: none)
+    file = tmp_path / "campaign.toml"
+    file.write_text("[draw]\nstart.line = true\n", encoding="utf-8")
+    done = CliRunner().invoke(command_line, ["campaign", str(file), "--games", "2", "--shard", "3/8"])
+    assert done.exit_code == 0
+    assert "part 3 of 8 is empty: there are fewer games than parts" in done.stderr
+    assert "0 of 0" not in done.stderr
+
+
+@pytest.mark.parametrize("different", [(), ("world_state",)])
+def test_a_repetition_in_another_environment_says_so_whatever_came_of_it(
+    tmp_path: Path, different: tuple[str, ...]
+) -> None:
+    game = crashed(draw(SPEC, 0), "it died", "log", "e").game
+    told = Repetition(
+        folder=tmp_path, before=game, now=game, different=different, environment=("sources is b instead of a",)
+    )
+    assert list(told.sentences())[-1] == "the environment is another one: sources is b instead of a"
+    assert not any("another one" in one for one in told.model_copy(update={"before": None}).sentences())
 
 
 def test_shards_come_to_the_same_rows_as_the_whole(tmp_path: Path, undisturbed: dict[int, TaskResult]) -> None:

@@ -111,7 +111,7 @@ def test_a_line_of_another_version_is_named(tmp_path: Path) -> None:
     line = json.loads(result(0).model_dump_json())
     line["game"]["schema_version"] = 2
     (tmp_path / "results.jsonl").write_text(result(1).model_dump_json() + "\n" + json.dumps(line) + "\n")
-    with pytest.raises(UserError, match=r"line 2, is no result of this version \(game.schema_version: "):
+    with pytest.raises(UserError, match=r"line 2 is of version 2 and not 1: read it with"):
         read_rows(tmp_path)
 
 
