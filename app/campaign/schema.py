@@ -144,6 +144,7 @@ class PlyRow(Frozen):
     piece: str
     """Symbol of the piece that moved, a capital for White's."""
     planned_s: float | None
+    """From home to home, as ``real_s``; null: it was not done from home to home in one go, or by a hand."""
     real_s: float | None
     error_mm: float | None
     """The largest distance of a moved piece from the centre of its place."""

@@ -115,7 +115,7 @@ def repeat(
             "--out",
             parser=options.written,
             metavar="PATH",
-            help="Folder of the game; games/<seed>-again of the campaign by default.",
+            help="Folder of the repeated game; games/<seed>-again of the campaign by default.",
         ),
     ] = None,
     as_json: options.AsJson = False,

@@ -82,12 +82,14 @@ def _made(wish: DatasetWish) -> DatasetReport:
 
 
 def _tell(report: DatasetReport, as_json: bool) -> None:
+    from app.campaign.report.wording import counted
+
     for sentence in report.skipped:
         say(f"left out: {sentence}")
     if report.left_out:
         say("left out: " + ", ".join(f"plies that {why}: {number}" for why, number in report.left_out.items()))
     say(
-        f"{report.episodes} episodes of {report.games} games, {report.frames} frames, "
+        f"{counted(report.episodes, 'episode')} of {counted(report.games, 'game')}, {report.frames} frames, "
         f"{report.size_bytes / 1e6:.1f} MB, in {report.wall_s:.0f} s"
     )
     print(report.model_dump_json(indent=2) if as_json else report.output)

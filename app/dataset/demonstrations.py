@@ -35,6 +35,7 @@ class LeftOut(StrEnum):
 
     FAILED = "went wrong"
     RESUMED = "were finished after an interruption"
+    MENDED = "needed something to be put right on the way"
     GAPS = "have gaps in what was recorded"
 
 
@@ -155,6 +156,8 @@ def demonstrations(
     for ply in plies:
         if ply.resumed:
             yield LeftOut.RESUMED
+        elif ply.mended:
+            yield LeftOut.MENDED
         elif not (ply.success or failures):
             yield LeftOut.FAILED
         else:

@@ -33,7 +33,8 @@ class RecordedPly:
         begun: plant time at which its first part was begun [s].
         ended: plant time at which the arm was home again [s].
         success: nothing failed, and all pieces stood where the game says, as far as a referee was there to look.
-        resumed: another program finished it, after an interruption.
+        resumed: another program finished it, or the same one, after an interruption.
+        mended: something went wrong on the way, and was put right before it was done.
     """
 
     game: str
@@ -46,6 +47,7 @@ class RecordedPly:
     ended: float
     success: bool
     resumed: bool
+    mended: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +137,8 @@ def _played(start: StartEvent, events: tuple[AnyEvent, ...], name: str) -> Itera
             begun = event.plant_time
         if isinstance(event, PlyEvent):
             assert state.board is not None
-            if begun is not None and event.real_s is not None:  # else a hand has moved the piece
-                yield _ply(state.board, event, begun, begun + event.real_s, start.seed, name)
+            if begun is not None and event.by == "arm":
+                yield _ply(state.board, event, begun, begun + (event.real_s or 0.0), start.seed, name)
             begun = None
         state.take(event)
 
@@ -146,4 +148,5 @@ def _ply(board: chess.Board, event: PlyEvent, begun: float, ended: float, seed: 
         game=name, seed=seed, number=event.ply, uci=event.uci, fen=board.fen(),
         task=task_of(board, chess.Move.from_uci(event.uci)), begun=begun, ended=ended,
         success=event.physical_ok is not False and not event.failures, resumed=event.resumed,
+        mended=event.mended or event.real_s is None,
     )  # fmt: skip

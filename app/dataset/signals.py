@@ -17,7 +17,15 @@ _OBSERVED: Final = (
 )  # fmt: skip
 """Fields of the telemetry, in the order of the state; what they mean and their units stand in its layout."""
 _ELEMENTS: Final = {1: ("",), 2: (".right", ".left"), 3: (".x", ".y", ".z")}
-_BY_JOINT: Final = {"angle", "angle_velocity", "torque"}
+_BY_JOINT: Final = {
+    "angle": "angle of this servomotor", "angle_velocity": "velocity of this servomotor",
+    "torque": "torque of this servomotor in the next exchange, after the limits",
+}  # fmt: skip
+_MEANINGS: Final = {
+    **_BY_JOINT, "position": "tool point, base frame", "velocity": "velocity of the tool point, base frame",
+    "tactile": "force on this pad",
+}  # fmt: skip
+"""What one element is, where the layout of the telemetry says it of all of them."""
 
 
 class Signal(NamedTuple):
@@ -31,7 +39,7 @@ class Signal(NamedTuple):
 def _observed() -> tuple[Signal, ...]:
     layout = {field.name: field for field in TELEMETRY.fields}
     return tuple(
-        Signal(name + element, layout[name].unit, layout[name].meaning)
+        Signal(name + element, layout[name].unit, _MEANINGS.get(name, layout[name].meaning))
         for name in _OBSERVED
         for element in ((".1", ".2", ".3") if name in _BY_JOINT else _ELEMENTS[layout[name].count])
     )
@@ -39,10 +47,10 @@ def _observed() -> tuple[Signal, ...]:
 
 STATE: Final[tuple[Signal, ...]] = _observed()
 """Of ``observation.state``: what the controller measured and commanded at the frame's tick."""
-REFERENCE: Final = tuple(Signal(f"reference.{axis}", "m", "reference r, base frame") for axis in "xyz")
+REFERENCE: Final = tuple(Signal(f"reference.{axis}", "m", "reference of the tool point, base frame") for axis in "xyz")
 """Of ``observation.reference``: where the arm was meant to be at the frame's tick."""
 ACTION: Final = (
-    *(Signal(f"reference.{axis}", "m", "reference r at the next frame, base frame") for axis in "xyz"),
+    *(Signal(f"reference.{axis}", "m", "reference of the tool point at the next frame, base frame") for axis in "xyz"),
     *(Signal(f"reference_velocity.{axis}", "m/s", "its mean velocity from this frame to that") for axis in "xyz"),
     Signal("finger_velocity", "m/s", "mean velocity of each finger from this frame to the next, positive opening"),
 )  # fmt: skip

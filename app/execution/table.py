@@ -158,7 +158,7 @@ class Table:
         self.replied = recovered.answered
         if not recovered.jobs:
             return True
-        outcome = PlyOutcome(real=recovered.duration)
+        outcome = PlyOutcome(real=recovered.duration or None)
         return self._conclude_task(recovered.inventory, outcome, self.board, answered=recovered.answered)
 
     def disturbed(self, *, centres: bool) -> tuple[Fault, ...]:
@@ -318,7 +318,7 @@ class Table:
 
     def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> JobDone:
         """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""
-        outcome, stands = PlyOutcome(real=0.0), wanted
+        outcome, stands = PlyOutcome(real=None if job.transfers else 0.0), wanted
         if job.transfers:
             try:
                 seen = None if self.observer is None else self.observer.seen
@@ -328,13 +328,13 @@ class Table:
             except CarryFailed as failure:
                 if self._recovery is None:
                     raise UserError(str(failure)) from failure
-                stands, outcome = failure.inventory, replace(outcome, resumed=True)
+                stands, outcome = failure.inventory, replace(outcome, mended=True)
                 self._recovery.note_loss(failure)
         if self._recovery is None:
             return JobDone(wanted, outcome)
         recovered = self._recovery.mend(stands, wanted, reply=reply)
         if recovered.jobs:
-            outcome = replace(outcome, real=(outcome.real or 0.0) + recovered.duration, resumed=True)
+            outcome = replace(outcome, planned=None, real=None, mended=True)
         return JobDone(recovered.inventory, outcome, recovered.answered)
 
     # after a job

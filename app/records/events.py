@@ -125,7 +125,7 @@ class TaskDoneEvent(_Stamped):
 
     event: Literal["task_done"] = "task_done"
     real_s: Measured | None
-    """Plant time from home to home [s]; null: by a person."""
+    """Plant time from home to home [s]; null: by a person, or, where it was mended, not measured."""
     inventory: dict[str, str]
     """Where each piece that stands elsewhere than before stands now, by name."""
     physical_ok: bool | None
@@ -133,7 +133,9 @@ class TaskDoneEvent(_Stamped):
     failures: tuple[str, ...] = ()
     """What went wrong, a sentence each."""
     resumed: bool = False
-    """Another program finished it."""
+    """Another program finished it, or the same one after a pause."""
+    mended: bool = False
+    """Something went wrong on the way, such as a piece that slipped, and was put right before it was done."""
 
 
 class TaskDroppedEvent(_Stamped):
@@ -198,7 +200,11 @@ class PlyEvent(_Stamped):
     failures: tuple[str, ...]
     """What went wrong, a sentence each."""
     resumed: bool = False
-    """Another program finished it: planned, real and peaks are those of its last part."""
+    """Another program finished it, or the same one after a pause: planned, real and peaks are those of its last
+    part."""
+    mended: bool = False
+    """Something went wrong on the way, such as a piece that slipped, and was put right before the ply was done: the
+    times are null, since nobody measured them from home to home."""
     score: str | None = None
     """What the player thinks of it: pawns from White's side such as +0.31, or #-3."""
     clock_s: dict[Colour, Measured] | None = None
@@ -294,7 +300,9 @@ class PlyOutcome:
     """Name of the camera's picture in the folder."""
     failures: tuple[str, ...] = ()
     resumed: bool = False
-    """Another program had begun it."""
+    """Another program had begun it, or it was paused."""
+    mended: bool = False
+    """Something had to be put right before it was done."""
     by: By = "arm"
     """Who moved the pieces."""
     score: chess.engine.PovScore | None = None
@@ -325,7 +333,8 @@ def ply_event(
         wall_time=wall_time, plant_time=plant_time, ply=number, side=ply.colour, san=ply.san, uci=ply.uci,
         kind=ply.kind, fen=fen, by=outcome.by, planned_s=outcome.planned, real_s=outcome.real,
         peak_torque_Nm=outcome.peak_torque, peak_force_N=outcome.peak_force, physical_ok=outcome.physical_ok,
-        frame=outcome.frame, failures=outcome.failures, resumed=outcome.resumed, comment=outcome.comment,
+        frame=outcome.frame, failures=outcome.failures, resumed=outcome.resumed,
+        mended=outcome.mended, comment=outcome.comment,
         placement_mm=None if outcome.placement_mm is None else dict(outcome.placement_mm),
         transfers=transfer_records(ply.transfers),
         inventory=places,

@@ -210,7 +210,7 @@ class GameRecord:
         self._add(
             TaskDoneEvent, plant_time, ply=self._plies() - taken_back, real_s=outcome.real,
             inventory=self._moved(stands), physical_ok=outcome.physical_ok, failures=outcome.failures,
-            resumed=outcome.resumed,
+            resumed=outcome.resumed, mended=outcome.mended,
         )  # fmt: skip
         if taken_back:
             self._pgn.take_back(taken_back)

@@ -72,7 +72,8 @@ def _of(event: AnyEvent) -> Iterable[Incident]:
             carried = "; ".join(map(_carried, event.transfers)) or "nothing had to be carried"
             yield Incident(ply, at, doing, f"{_sentence(event.label)} The arm started: {carried}.")
         case TaskDoneEvent():
-            took = "by a person" if event.real_s is None else f"by the arm in {event.real_s:.2f} s"
+            took = "with mending" if event.mended else "by a person"
+            took = took if event.real_s is None else f"by the arm in {event.real_s:.2f} s"
             says = " ".join(filter(None, (f"Done {took}.", JUDGED[event.physical_ok], *map(_sentence, event.failures))))
             yield Incident(ply, at, "done", says)
         case TaskDroppedEvent():

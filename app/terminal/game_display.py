@@ -332,7 +332,9 @@ def _placement(event: PlyEvent) -> str:
 
 
 def _duration(event: PlyEvent) -> str:
-    return "by hand" if event.real_s is None else f"{event.real_s:.2f} s"
+    if event.real_s is None:
+        return "by hand" if event.by == "hand" else "mended"
+    return f"{event.real_s:.2f} s"
 
 
 def _line(event: PlyEvent) -> str:

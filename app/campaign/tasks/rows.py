@@ -152,7 +152,8 @@ def _ply_rows(task: CampaignTask, events: Sequence[AnyEvent], repairs: Counter[i
         moved = chess.Board(fen, chess960=start.chess960).piece_at(chess.Move.from_uci(ply.uci).from_square)
         rows.append(PlyRow(
             index=task.index, seed=task.seed, ply=ply.ply, san=ply.san, uci=ply.uci, kind=ply.kind.value, by=ply.by,
-            piece="?" if moved is None else moved.symbol(), planned_s=ply.planned_s, real_s=ply.real_s,
+            piece="?" if moved is None else moved.symbol(),
+            planned_s=None if ply.resumed else ply.planned_s, real_s=None if ply.resumed else ply.real_s,
             error_mm=max(ply.placement_mm.values(), default=None) if ply.placement_mm else None,
             peak_torque_Nm=ply.peak_torque_Nm, peak_force_N=ply.peak_force_N, physical_ok=ply.physical_ok,
             transfers=len(ply.transfers), repairs=repairs[ply.ply],

@@ -16,7 +16,7 @@ from app.dataset.told import ToldTicks
 
 TICK = 0.00088
 QUICK = 45 * TICK
-PLY = RecordedPly("game", 1, 1, "e2e4", chess.STARTING_FEN, "move", 1.0, 3.5, success=True, resumed=False)
+PLY = RecordedPly("game", 1, 1, "e2e4", chess.STARTING_FEN, "move", 1.0, 3.5, success=True, resumed=False, mended=False)
 
 
 def told(tick: np.ndarray) -> ToldTicks:
@@ -88,9 +88,9 @@ def test_gaps_are_left_out() -> None:
 
 def test_plies_that_went_wrong_only_where_they_are_wanted() -> None:
     moments = Moments(told(GRID), GRID, 25)
-    plies = (PLY, replace(PLY, success=False), replace(PLY, resumed=True))
+    plies = (PLY, replace(PLY, success=False), replace(PLY, resumed=True), replace(PLY, mended=True))
     assert [one for one in demonstrations(plies, moments, failures=False) if isinstance(one, LeftOut)] == [
-        LeftOut.FAILED, LeftOut.RESUMED,
+        LeftOut.FAILED, LeftOut.RESUMED, LeftOut.MENDED,
     ]  # fmt: skip
     assert sum(isinstance(one, Demonstration) for one in demonstrations(plies, moments, failures=True)) == 2
 

@@ -45,12 +45,14 @@ def test_plies_of_the_arm_with_their_times_and_outcomes(tmp_path: Path) -> None:
         3: {"failures": ("the piece slipped",)},
         4: {"by": "hand", "real": None, "planned": None, "peak_torque": None, "peak_force": None},
         5: {"resumed": True},
+        6: {"mended": True, "real": None, "planned": None},
     }
-    PlayedGame(tmp_path, EVERY_KIND).play(LINE_OF_EVERY_KIND, lambda number: outcomes.get(number, {}))
+    PlayedGame(tmp_path, EVERY_KIND).play(f"{LINE_OF_EVERY_KIND} Kg7", lambda number: outcomes.get(number, {}))
     plies = plies_of_match(tmp_path, (tmp_path,), tmp_path, print).plies
-    assert [ply.number for ply in plies] == [1, 2, 3, 5]
-    assert [ply.success for ply in plies] == [True, False, False, True]
-    assert [ply.resumed for ply in plies] == [False, False, False, True]
+    assert [ply.number for ply in plies] == [1, 2, 3, 5, 6]
+    assert [ply.success for ply in plies] == [True, False, False, True, True]
+    assert [ply.resumed for ply in plies] == [False, False, False, True, False]
+    assert [ply.mended for ply in plies] == [False, False, False, False, True]
     first, second = plies[:2]
     assert (first.begun, first.ended) == (1.0, pytest.approx(4.01))
     assert first.task == "capture the black pawn on d5 with the white pawn from e5 to d6 en passant"

@@ -26,7 +26,9 @@ RNG = np.random.default_rng(25)
 
 
 def demonstration(length: int, task: str) -> Demonstration:
-    ply = RecordedPly("game", 7, 1, "e2e4", chess.STARTING_FEN, task, 1.0, 2.0, success=task != "b", resumed=False)
+    ply = RecordedPly(
+        "game", 7, 1, "e2e4", chess.STARTING_FEN, task, 1.0, 2.0, success=task != "b", resumed=False, mended=False
+    )
     rows = [RNG.normal(size=(length, len(signals))) for signals in (STATE, REFERENCE, ACTION)]
     return Demonstration(ply, np.arange(length), 1.0 + 0.0396 * np.arange(length), *rows)
 

@@ -343,6 +343,9 @@ def test_lost_pieces_are_found_and_carried_again_and_the_record_is_right(tmp_pat
     history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
     assert same(history.inventory, paper.truth)
     assert len(history.plies) == 20
+    assert not any(ply.resumed for ply in history.plies), "nobody else has gone on with any"
+    assert all((ply.real_s, ply.planned_s) == ((None, None) if ply.mended else (1.0, 1.0)) for ply in history.plies)
+    assert any(ply.mended for ply in history.plies)
     assert lost, "this seed has lost nothing: it shows nothing"
     troubles = [event for event in history.events if isinstance(event, TroubleEvent)]
     assert sum(trouble.kind == Loss.LOST for trouble in troubles) == lost

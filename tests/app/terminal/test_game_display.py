@@ -48,6 +48,11 @@ def test_a_terminal_shows_board_phase_and_plies():
     assert "0.06 mm" in text, "the worst piece counts"
 
 
+def test_a_ply_without_a_time_was_moved_by_hand_or_mended():
+    assert "by hand" in shown(False, event(by="hand", real_s=None))
+    assert "mended" in shown(False, event(mended=True, real_s=None))
+
+
 def test_a_log_gets_a_line_a_ply_and_no_phases_once_plies_tell():
     text = shown(False, event(), event(ply=4, side="black"), phases=("starting",))
     lines = text.strip().splitlines()
