@@ -28,6 +28,8 @@ Ticks = NDArray[np.int64]
 
 _ALIKE: Final = 0.02
 """Rates that differ by less than this share are taken for the same: no whole rate fits a tick exactly."""
+_SETTLES: Final = 0.04
+"""The last frame lies no longer after the end of a ply [s]."""
 
 
 class LeftOut(StrEnum):
@@ -89,7 +91,7 @@ class Moments:
                 if most
                 else "what was recorded is too short for frames: name a game of which a ply was played"
             )
-        self._step = _step(interval, fps)
+        self._interval, self._step = interval, _step(interval, fps)
         """From frame to frame [s]."""
         self._farthest = 0.5 * (1.0 + _ALIKE) * max(interval, self._step)
         """A frame may lie so far from where it should [s]."""
@@ -97,7 +99,7 @@ class Moments:
         """And so far from what the controller told [ticks]."""
 
     def demonstration(self, ply: RecordedPly) -> Demonstration | LeftOut:
-        """A ply as an episode: from where its first part was begun until the arm had come to rest at home."""
+        """A ply as an episode: from just before its first part was begun until the arm had come to rest at home."""
         told, chosen = self._told, self._chosen(ply.begun, ply.ended)
         if chosen is None:
             return LeftOut.GAPS
@@ -111,17 +113,26 @@ class Moments:
     def _chosen(self, begun: float, ended: float) -> NDArray[np.intp] | None:
         """Which moments are frames; None: where some should be there are none.
 
-        No sooner than it began, and no later than the first moment at which it had ended: so episodes do not overlap.
+        The first is one at which the arm still rests at home: of those in the last interval before it sets out the one
+        from which the frames follow most evenly, or else the last before that. The last comes no later than it must so
+        that the arm rests at home again.
         """
-        first, last = np.searchsorted(self._time, (begun, ended)).tolist()
-        if last >= len(self._time):
+        latest = max(int(np.searchsorted(self._time, begun, side="right")) - 1, 0)
+        if ended > self._time[-1]:
             return None
-        start = self._time[first]
-        due = start + np.arange(math.ceil((ended - start) / self._step) + 1) * self._step
-        chosen = self._nearest(due)
-        chosen, due = chosen[chosen <= last], due[chosen <= last]
-        held = np.abs(self._time[chosen] - due) <= self._farthest
+        earliest = min(int(np.searchsorted(self._time, begun - self._interval, side="right")), latest)
+        ways = [self._even(start, ended) for start in range(latest, earliest - 1, -1)]
+        chosen, off = min(ways, key=lambda way: round(float(way[1].max()), 6))
+        held = off <= self._farthest
         return chosen if held.all() and (np.diff(chosen) > 0).all() and len(chosen) > 1 else None
+
+    def _even(self, start: int, ended: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """The moments that follow from one on, and how far each is from where it should be [s]."""
+        begins = self._time[start]
+        due = begins + np.arange(math.ceil((ended - begins) / self._step) + 1) * self._step
+        chosen = self._nearest(due)
+        here = self._time[chosen] < ended + min(self._step, _SETTLES)
+        return chosen[here], np.abs(self._time[chosen] - due)[here]
 
     def _nearest(self, due: NDArray[np.float64]) -> NDArray[np.intp]:
         after = np.clip(np.searchsorted(self._time, due), 1, len(self._time) - 1)

@@ -40,9 +40,25 @@ def episode(moments: Moments, ply: RecordedPly = PLY) -> Demonstration:
 def test_a_rate_near_what_was_recorded_takes_its_moments_evenly(fps: int, ticks: int) -> None:
     found = episode(Moments(told(GRID), GRID, fps))
     assert set(np.diff(found.tick)) == {ticks}
-    assert found.time[0] == pytest.approx(1170 * TICK)  # the first at or after 1.0 s
+    assert found.time[0] == pytest.approx(1125 * TICK)  # the last before 1.0 s
     assert 0.0 <= 3.5 + QUICK - found.time[-1] < ticks * TICK + QUICK
     assert found.state[:, 0] == pytest.approx(found.time)
+
+
+@pytest.mark.parametrize("odd", [1130, 1140, 3979])
+def test_an_episode_begins_before_the_arm_departs_and_where_steps_are_equal(odd: int) -> None:
+    moments = Moments(told(np.union1d(GRID, [odd])), None, 25)
+    found = episode(moments)
+    assert (found.tick[0], found.tick[-1]) == (1125, 4005), "both ends lie beyond the ply's"
+    assert set(np.diff(found.tick)) == {45}
+
+
+def test_where_nothing_was_recorded_before_the_first_step_alone_is_another() -> None:
+    first = np.append(1108, GRID[GRID > 1130])
+    found = episode(Moments(told(first), None, 25), replace(PLY, begun=1108 * TICK))
+    assert found.tick[0] == 1108
+    assert np.diff(found.tick)[0] == 62
+    assert set(np.diff(found.tick)[1:]) == {45}
 
 
 def test_another_rate_takes_the_nearest_moments() -> None:
@@ -97,5 +113,5 @@ def test_plies_that_went_wrong_only_where_they_are_wanted() -> None:
 
 def test_episodes_that_follow_each_other_do_not_overlap() -> None:
     moments = Moments(told(GRID), GRID, 25)
-    first, second = (episode(moments, replace(PLY, begun=b, ended=b + 1.17)) for b in (1.0, 2.17))
+    first, second = (episode(moments, replace(PLY, begun=b, ended=b + 1.17)) for b in (1.0, 2.25))
     assert first.tick[-1] <= second.tick[0]

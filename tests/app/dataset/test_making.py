@@ -95,6 +95,7 @@ def test_episodes_are_whole_plies_from_home_to_home(made: tuple[DatasetReport, L
         assert time[-1] - time[0] == pytest.approx(ply.real_s, abs=0.08)
         assert np.diff(time) == pytest.approx(0.0396)
         ends = state[[0, -1], 6:9]  # the tool's position
+        assert np.abs(state[[0, -1], 9:12]).max() < 0.02, "at rest"
         home = ends[0] if home is None else home
         assert ends == pytest.approx(np.array([home, home]), abs=0.002)
         assert np.ptp(state[:, 6:9], axis=0).max() > 0.05
