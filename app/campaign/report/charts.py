@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from string import ascii_lowercase
 from typing import Final
 
 import numpy as np
@@ -24,15 +25,15 @@ from app.campaign.report.analysis.metrics import Metric, MetricSort
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, rate_bounds
 from app.campaign.report.findings import CampaignFindings, OutcomeRate
-from app.campaign.report.wording import amount, counted, percent, signed
+from app.campaign.report.wording import amount, capital, counted, interval, percent, signed
 from app.report.figures_of_plies import KINDS, Chart, DataTable
 from app.report.markup import Html, joined, tag
 from app.report.plot import PlotArea, drawing, mark, nice_ticks
 
 _ROW: Final = 34.0
 """Height of a row of a chart whose rows have names."""
-_LABEL: Final = 13.0
-"""Between two names that stand upright beside each other."""
+_LETTER: Final = 10.0
+"""Between two letters beside each other, at least."""
 _MOST_POINTS: Final = 240
 """Of a line."""
 
@@ -63,7 +64,7 @@ def rates_chart(rates: Sequence[OutcomeRate]) -> Chart:
         y = area.y(float(row))
         parts.append(_between(area, 100.0 * rate.bounds.low, 100.0 * rate.bounds.high, y))
         share = rate.hits / rate.games
-        says = f"{rate.outcome}: {rate.hits} of {rate.games}, {percent(rate.bounds.low)} to {percent(rate.bounds.high)}"
+        says = f"{rate.outcome}: {rate.hits} of {rate.games}, {interval(rate.bounds.low, rate.bounds.high)}"
         parts.append(mark(None, area.x(100.0 * share), y, says, look="" if rate.outcome == "mended" else "m-two"))
     described = "; ".join(f"{rate.outcome} {rate.hits} of {rate.games}" for rate in shown)
     return Chart(
@@ -78,7 +79,7 @@ def rates_table(rates: Sequence[OutcomeRate]) -> Html:
     """The rates in numbers."""
     rows = [
         (rate.outcome, rate.says, str(rate.hits), percent(rate.hits / rate.games),
-         f"{percent(rate.bounds.low)} to {percent(rate.bounds.high)}", percent(rate.at_most))
+         interval(rate.bounds.low, rate.bounds.high), percent(rate.at_most))
         for rate in rates
     ]  # fmt: skip
     columns = ("outcome", "what it means", ">games", ">share", ">95 % bounds, two-sided", ">at most, 95 % one-sided")
@@ -142,7 +143,7 @@ def bars_of(figure: CampaignFigure, found: CampaignFindings) -> list[ProductBar]
     bars = list(found.product_bars.get(figure.key, ()))
     asked = found.gate_bars.get(figure.key)
     if asked is not None:
-        says = f"the gate: {percent(asked.quantile)} within {amount(asked.at_most)}"
+        says = f"the gate's bar, {percent(asked.quantile)} within {amount(asked.at_most)} {figure.unit}".rstrip()
         bars.append(ProductBar(asked.at_most, says, asked.confidence))
     return bars
 
@@ -151,28 +152,29 @@ def _exceeding(one: Distribution, found: CampaignFindings, older: Distribution |
     figure, bars = one.figure, bars_of(one.figure, found)
     both = [one] if older is None else [one, older]
     most = max(each.most for each in both)
-    shown = [bar for bar in bars if bar.value < 4.0 * most]
+    shown = sorted((bar for bar in bars if bar.value < 4.0 * most), key=lambda bar: bar.value)
     decades = math.ceil(math.log10(max(each.values.size for each in both)))
     names = [percent(10.0**-power) for power in range(decades, 0, -1)] + ["all"]
     y_ticks = (-decades - 0.4, *(float(-power) for power in range(decades, -1, -1)), 0.2)
     area = PlotArea(nice_ticks(0.0, max(most, *(bar.value for bar in shown), 0.0)), y_ticks, left=60.0)
-    parts = [area.axes(f"{figure.name.lower()} [{figure.unit}]", "plies beyond it", names)]
+    parts = [area.axes(f"{figure.name} [{figure.unit}]", "plies beyond it", names)]
     parts += [area.steps(_line(each.values), look) for each, look in zip(both, ("one", "two"), strict=False)]
     parts += _uprights(area, shown)
     seed, ply = worst_game(one, found.rows)
     parts.append(mark(None, area.x(one.most), area.y(-math.log10(one.values.size)),
                       f"largest: {amount(one.most)} {figure.unit}, seed {seed}, ply {ply}"))  # fmt: skip
     far = [bar for bar in bars if bar not in shown]
-    caption = f"The share of plies with more than that; the mark is the largest of {one.values.size}."
-    caption += "".join(f" Far beyond the drawing: {bar.says}." for bar in far)
+    caption = f"For each value, the share of plies with more than it; the mark is the largest of {one.values.size}."
+    caption += f" Far beyond the drawing: {'; '.join(bar.says for bar in far)}." if far else ""
+    heading = capital(figure.name)
     drawn = drawing(
         figure.key,
-        figure.name,
+        heading,
         f"Median {amount(one.quantile(0.5))}, largest {amount(one.most)} {figure.unit}.",
         *parts,
     )
-    table = figures_table([one], found, figure.name)
-    return Chart(figure.name, caption, joined([drawn, _key(older is not None)]), table)
+    table = figures_table([one], found, heading)
+    return Chart(heading, caption, joined([drawn, _key(older is not None, shown)]), table)
 
 
 def _line(values: Numbers) -> list[tuple[float, float]]:
@@ -186,35 +188,27 @@ def _line(values: Numbers) -> list[tuple[float, float]]:
 
 
 def _uprights(area: PlotArea, bars: Sequence[ProductBar]) -> list[Html]:
-    """Bars as lines upwards, each with its name along it: to its left, or where another name is there, to its right."""
-    parts, last = [], -_LABEL
-    for bar in sorted(bars, key=lambda one: one.value):
+    """Bars as lines upwards, each with its letter above the drawing, where no line is: its name stands below."""
+    top, bottom, last = area.y(area.y_ticks[-1]), area.y(area.y_ticks[0]), -_LETTER
+    parts = []
+    for letter, bar in zip(ascii_lowercase, bars, strict=False):
         x = area.x(bar.value)
-        at = x - 4.0
-        if at - last < _LABEL:
-            at = max(last + _LABEL, x + _LABEL - 2.0)
-        parts.append(_upright(area, bar, x, at))
-        last = at
+        last = max(x, last + _LETTER)
+        parts.append(tag("line", x1=x, y1=top, x2=x, y2=bottom, class_="limit"))
+        parts.append(tag("text", letter, x=last, y=top - 2.0, class_="limit-name", text_anchor="middle"))
     return parts
 
 
-def _upright(area: PlotArea, bar: ProductBar, x: float, at: float) -> Html:
-    top, bottom = area.y(area.y_ticks[-1]), area.y(area.y_ticks[0])
-    return joined([
-        tag("line", x1=x, y1=top, x2=x, y2=bottom, class_="limit"),
-        tag("text", bar.says, x=at, y=top + 2.0, class_="limit-name", text_anchor="end",
-            transform=f"rotate(-90 {at:.2f} {top + 2.0:.2f})"),
-    ])  # fmt: skip
-
-
-def _key(compared: bool) -> Html:
-    if not compared:
-        return Html("")
-    return tag("p", *(
+def _key(compared: bool, bars: Sequence[ProductBar]) -> Html:
+    """What lines and letters mean."""
+    lines = (("one", "this campaign"), ("two", "the older one")) if compared else ()
+    parts = [
         tag("span", tag("svg", tag("line", x1=1.0, y1=7.0, x2=13.0, y2=7.0, class_=f"line {look}"),
                         viewBox="0 0 14 14", aria_hidden="true"), name)
-        for look, name in (("one", "this campaign"), ("two", "the older one"))
-    ), class_="key")  # fmt: skip
+        for look, name in lines
+    ]  # fmt: skip
+    parts += [tag("span", f"{letter}: {bar.says}") for letter, bar in zip(ascii_lowercase, bars, strict=False)]
+    return tag("p", *parts, class_="key") if parts else Html("")
 
 
 def figures_table(shown: Sequence[Distribution], found: CampaignFindings, caption: str) -> Html:
@@ -232,11 +226,12 @@ def figures_table(shown: Sequence[Distribution], found: CampaignFindings, captio
 
 def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
     seed, ply = worst_game(one, found.rows)
+    where = f"seed\u00a0{seed}" + ("" if ply is None else f", ply\u00a0{ply}")
     unit = f" [{one.figure.unit}]" if one.figure.unit else ""
     beyond = [_beyond(one, found, bar) for bar in bars_of(one.figure, found) if bar.counted]
     return (
         f"{one.figure.name}{unit}", str(one.values.size), *(amount(one.quantile(share)) for share in QUANTILES),
-        amount(one.most), f"seed {seed}" + ("" if ply is None else f", ply {ply}"), "; ".join(beyond) or "no bar",
+        amount(one.most), where if one.most else "all\u00a0are\u00a00", "; ".join(beyond) or "no bar",
     )  # fmt: skip
 
 

@@ -258,9 +258,7 @@ def _differences(older: CampaignRows, newer: CampaignRows) -> tuple[str, ...] | 
         return None
     before, now = older.kept.spec.draw, newer.kept.spec.draw
     drawn = tuple(
-        f"{name} is {_drawn(now, name)} instead of {_drawn(before, name)}"
-        for name in sorted({*before, *now})
-        if before.get(name) != now.get(name)
+        _otherwise(name, before, now) for name in sorted({*before, *now}) if before.get(name) != now.get(name)
     )
     return drawn + _named(older.kept.environment).differences(_named(newer.kept.environment))
 
@@ -270,10 +268,15 @@ def _named(environment: CampaignEnvironment) -> CampaignEnvironment:
     return environment.model_copy(update={"engine": environment.engine or "none"})
 
 
-def _drawn(draw: Mapping[str, Any], name: str) -> str:
-    if name not in draw:
-        return "not given"
-    value = draw[name]
+def _otherwise(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    if name not in before:
+        return f"{name} is given only here, as {_drawn(now[name])}"
+    if name not in now:
+        return f"{name} is not given here, and was {_drawn(before[name])}"
+    return f"{name} is {_drawn(now[name])} instead of {_drawn(before[name])}"
+
+
+def _drawn(value: Any) -> str:
     return toml_value(value.model_dump(by_alias=True) if isinstance(value, BaseModel) else value)
 
 

@@ -28,7 +28,7 @@ from app.campaign.report.sentences import (
     rate_sentence,
     throughput_sentence,
 )
-from app.campaign.report.wording import amount, chance, counted, percent
+from app.campaign.report.wording import amount, chance, counted, interval, percent
 from app.report.figures_of_plies import Chart, DataTable, folded
 from app.report.markup import Html, joined, tag
 from app.report.parts import document, figure, scrolling, section
@@ -123,12 +123,19 @@ def _compared(found: CampaignFindings) -> Html:
         "All metrics that were tested. The difference is the typical one where ranks tell it best, else that of the "
         "averages; p is corrected by Holm."
     )
-    shown = [scrolling(table, "All metrics")] if comparison.changes else []
+    note = tag("p", _FOUND.format(len(comparison.changes)), class_="soft")
+    shown = [note, scrolling(table, "All metrics")] if comparison.changes else []
     tables = [
         folded(f"Where it sits: {change.metric.name}", _where_table(change.where, f"Change of {change.metric.name}"))
         for change in comparison.told if change.where
     ]  # fmt: skip
     return joined([*said, *shown, *tables, _charts(charts)])
+
+
+_FOUND: Final = (
+    "A change is found where p is below 0.05 once it is corrected for the number of metrics, {} here. So the interval "
+    "of a metric, which is not corrected, may leave zero out although no change was found."
+)
 
 
 def _where_table(where: Sequence[Association], caption: str) -> Html:
@@ -142,7 +149,7 @@ def _where_table(where: Sequence[Association], caption: str) -> Html:
 
 def _explained(found: CampaignFindings) -> Html:
     if not found.failures and not found.explains_mending:
-        nothing = "No game failed, and in none anything was mended or asked." if len(found.rows.games) else "–"
+        nothing = "No game failed, and nothing was mended or asked in any." if len(found.rows.games) else "–"
         return tag("p", nothing)
     parts = []
     for what, key, associations in (
@@ -157,7 +164,11 @@ def _explained(found: CampaignFindings) -> Html:
         if associations:
             parts.append(folded(f"{what} by range", _explained_table(what, associations)))
     if not found.explains_failures:
-        reason = "No game failed." if not found.failures else "Nothing was drawn that games differ by."
+        reason = (
+            "No game failed."
+            if not found.failures
+            else "Games differ in nothing that was drawn, so nothing can explain it."
+        )
         parts.insert(0, tag("p", reason))
     return joined(parts)
 
@@ -169,7 +180,7 @@ def _explained_table(what: str, associations: Sequence[Association]) -> Html:
         for group in one.groups:
             hits = round(group.value * group.games)
             bounds = rate_bounds(hits, group.games)
-            said = f"{group.label}: {hits} of {group.games}, {percent(bounds.low)} to {percent(bounds.high)}"
+            said = f"{group.label}: {hits} of {group.games}, {interval(bounds.low, bounds.high)}"
             groups.append(said)
         rows.append((one.name, "; ".join(groups), chance(one.p), chance(one.corrected)))
     heads = ("range", "in each group, with 95 % bounds", ">p", ">p corrected")
@@ -233,7 +244,8 @@ def repeat_command(folder: str, seed: int) -> str:
 
 def _speed(found: CampaignFindings) -> Html:
     rows = [
-        (one.host, one.cpu, str(one.games), amount(one.games_an_hour), amount(one.speed)) for one in found.throughput
+        (one.host, one.cpu, str(one.games), amount(one.games_an_hour), amount(one.speed) if one.plant else "–")
+        for one in found.throughput
     ]
     heads = ("machine", "processor", ">games", ">games an hour and core", ">plant time to clock")
     said = tag("p", f"{throughput_sentence(found)} Each worker has one core.")

@@ -10,7 +10,7 @@ from app.campaign.report.analysis.explaining import Association
 from app.campaign.report.analysis.metrics import METRICS, Metric, MetricSort
 from app.campaign.report.analysis.statistics import CONFIDENCE
 from app.campaign.report.findings import CampaignComparison, CampaignFindings, OutcomeRate
-from app.campaign.report.wording import amount, chance, counted, joined_words, percent, signed
+from app.campaign.report.wording import amount, chance, counted, interval, percent, signed
 
 SAID_FIRST = ("failed", "duration.quiet", "duration.capture", "placement", "force")
 """Metrics of which it is said in words how large a change would have been seen."""
@@ -38,7 +38,7 @@ def rate_sentence(rate: OutcomeRate) -> str:
         what = what.replace("was silently", "were silently")
     return (
         f"{rate.hits} of {counted(rate.games, 'game')} {what}: {percent(rate.hits / rate.games)}, with {_SURE} "
-        f"confidence {percent(rate.bounds.low)} to {percent(rate.bounds.high)}."
+        f"confidence {interval(rate.bounds.low, rate.bounds.high)}."
     )
 
 
@@ -91,8 +91,8 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
                     f"{'is' if pairs == 1 else 'are'} compared, ply by ply where the move is the same.")  # fmt: skip
         if match.left_out:
             said.append(f"{counted(match.left_out, 'game')} of either campaign, without a partner, left out.")
-        if match.alike:
-            said.append(f"{match.alike} of the pairs ended with the world the same to the last bit.")
+        alike = counted(match.alike, "pair") if match.alike else "No pair"
+        said.append(f"{alike} ended with the world the same to the last bit.")
     else:
         said.append(f"Few seeds are in both campaigns, so all games are compared as two samples: "
                     f"{len(match.older.games)} older, {len(match.newer.games)} newer.")  # fmt: skip
@@ -101,7 +101,7 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
                     "out; how games end may differ by that alone.")  # fmt: skip
     if comparison.differences is not None:
         said.append(
-            f"Otherwise in this one: {'; '.join(comparison.differences)}." if comparison.differences
+            f"What differs in this campaign: {'; '.join(comparison.differences)}." if comparison.differences
             else "Both draw the same, and were played by the same program, engine and packages."
         )  # fmt: skip
     return said
@@ -129,7 +129,7 @@ def _tested(tests: int) -> str:
 
 
 def _all_the_same(comparison: CampaignComparison) -> str:
-    names = joined_words([metric.name for metric in comparison.same])
+    names = "; ".join(metric.name for metric in comparison.same)
     said = f"Nothing at all differs in: {names}."
     if comparison.visible is not None:
         said += (
@@ -209,7 +209,7 @@ def change_row(change: MetricChange) -> tuple[str, ...]:
         _signed_alone(metric, estimate.value),
         f"{_signed_alone(metric, estimate.low)} to {_signed_alone(metric, estimate.high)}",
         chance(change.p), chance(change.corrected), "–" if change.visible is None else _plain(metric, change.visible),
-        ("worse" if change.worse else "better") if change.found else "not found",
+        ("worse" if change.worse else "better") if change.found else "not\u00a0found",
     )  # fmt: skip
 
 
@@ -227,10 +227,9 @@ def throughput_sentence(found: CampaignFindings) -> str:
     if not wall:
         return "The rows do not say how long games took."
     games, plant = sum(one.games for one in found.throughput), sum(one.plant for one in found.throughput)
-    return (
-        f"{amount(3600.0 * games / wall)} games an hour and core: a game took {amount(wall / games)} s of a worker, "
-        f"and plant time ran {amount(plant / wall)} times as fast as the clock."
-    )
+    ran = f", and plant time ran {amount(plant / wall)} times as fast as the clock" if plant else ""
+    an_hour, took = amount(3600.0 * games / wall), amount(wall / games)
+    return f"{an_hour} games an hour and core: a game took {took} s of a worker{ran}."
 
 
 def all_sentences(found: CampaignFindings) -> list[str]:

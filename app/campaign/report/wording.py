@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from app.report.plot import number
 
 
@@ -13,6 +15,18 @@ def percent(share: float) -> str:
     if 99.0 < value < 100.0:
         return f"{number(100.0 - float(f'{100.0 - value:.2g}'), 6)} %"
     return f"{number(value)} %"
+
+
+def interval(low: float, high: float) -> str:
+    """Two shares in per cent, with as many decimals each as tell them apart; only what is 0 or 100 % is said to be."""
+    width = 100.0 * (high - low)
+    places = min(max(1, 1 - math.floor(math.log10(width))), 4) if width > 0.0 else 1
+
+    def said(share: float) -> str:
+        text = f"{100.0 * share:.{places}f}"
+        return percent(share) if float(text) in (0.0, 100.0) else f"{text} %"
+
+    return f"{said(low)} to {said(high)}"
 
 
 def amount(value: float) -> str:
@@ -35,8 +49,6 @@ def counted(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def joined_words(words: list[str]) -> str:
-    """Words with commas, and 'and' before the last."""
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"
+def capital(text: str) -> str:
+    """As a heading begins."""
+    return f"{text[:1].upper()}{text[1:]}"

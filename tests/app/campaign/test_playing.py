@@ -25,7 +25,7 @@ from app.campaign.schema import GAMES_FOLDER
 from app.campaign.spec import CampaignSpec
 from app.campaign.task import SessionPlan
 from app.campaign.tasks.relay import LossyRelay
-from app.campaign.tasks.rows import crashed
+from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
 from app.campaign.tasks.scripted_person import ScriptedPerson
 from app.campaign.troubles import MachineTrouble
@@ -36,6 +36,7 @@ from app.records import EVENTS_FILE
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
 from hardware.table import TableSettings
+from tests.app.played_game import PlayedGame
 from tests.waiting import until
 
 FILE = """
@@ -72,6 +73,13 @@ def test_two_real_games_and_one_of_them_again_to_the_last_bit(tmp_path: Path) ->
     assert Path(world) == game.parent / "world.toml", "so that the game can be gone on with where it is kept"
     assert "piece_mass" in Path(world).read_text(encoding="utf-8")
     assert not list(Path(os.environ.get("TMPDIR", "/tmp")).glob(f"{PREFIX}6-*"))
+
+
+def test_a_ply_that_was_not_done_in_one_go_has_no_times_in_the_rows(tmp_path: Path) -> None:
+    PlayedGame(tmp_path).play("e4 e5 Nf3", lambda number: {"resumed": True} if number == 2 else {})
+    task = draw(CampaignSpec(draw={"start.line": True}), 0)
+    rows = result_of(task, tmp_path, TaskStory(), "e").plies
+    assert [(row.planned_s is None, row.real_s is None) for row in rows] == [(False,) * 2, (True,) * 2, (False,) * 2]
 
 
 @pytest.mark.parametrize(

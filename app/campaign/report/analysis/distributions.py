@@ -66,9 +66,9 @@ DURATIONS: Final = tuple(
     for kind in MoveKind
 )  # fmt: skip
 PEAKS: Final = (
-    CampaignFigure("placement", "Placement", "mm", "error_mm"),
-    CampaignFigure("torque", "Peak torque", "N m", "peak_torque_Nm"),
-    CampaignFigure("force", "Peak force", "N", "peak_force_N"),
+    CampaignFigure("placement", "placement", "mm", "error_mm"),
+    CampaignFigure("torque", "peak torque", "N m", "peak_torque_Nm"),
+    CampaignFigure("force", "peak force", "N", "peak_force_N"),
 )
 COUNTS: Final = (
     CampaignFigure("grips_lost", "grips lost", "", "grips_lost", of_plies=False),
@@ -139,7 +139,7 @@ def product_bars(rows: CampaignRows) -> dict[str, tuple[ProductBar, ...]]:
     table = _smallest_table(rows)
     limits = default_limits(load_parameters(), table)
     return {
-        "placement": (_bar(1e3 * most_off_centre(table), "a quarter square, {} mm: the referee's bar"),),
+        "placement": (_bar(1e3 * most_off_centre(table), "the referee's bar, a quarter square, {} mm"),),
         **{key: tuple(make(limits) for make in of_limits) for key, of_limits in _LIMITS.items()},
     }
 

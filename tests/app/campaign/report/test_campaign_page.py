@@ -18,9 +18,9 @@ from app.campaign.report.charts import _uprights
 from app.campaign.report.findings import CampaignFindings, findings
 from app.campaign.report.gate import GateBars
 from app.campaign.report.page import MOST_FAILURES, campaign_page, repeat_command
-from app.campaign.report.sentences import all_sentences
+from app.campaign.report.sentences import all_sentences, throughput_sentence
 from app.campaign.report.summary import summary_json
-from app.campaign.report.wording import percent
+from app.campaign.report.wording import interval, percent
 from app.campaign.spec import CampaignSpec
 from app.report.markup import joined
 from app.report.plot import PlotArea
@@ -79,7 +79,7 @@ def test_the_comparison_is_told_in_words_and_numbers(page: Walk) -> None:
     assert "Worse: games that failed: " in said
     assert "It sits where randomisation.light_brightness is" in said
     assert "would have been seen with 80 % power" in said
-    assert {"worse", "not found"} <= set(page.said("td"))
+    assert {"worse", "not\u00a0found"} <= set(page.said("td"))
 
 
 def ended(outcomes: list[str], wanted: int | None = None) -> CampaignRows:
@@ -117,12 +117,12 @@ def test_where_a_change_sits_is_told_once_of_the_same_games() -> None:
 
 
 @pytest.mark.parametrize("bars", [(8.0, 8.4), (15.0, 15.0), (3.0, 3.1, 3.2, 12.0)])
-def test_names_of_near_bars_stand_beside_each_other(bars: tuple[float, ...]) -> None:
+def test_letters_of_near_bars_stand_beside_each_other(bars: tuple[float, ...]) -> None:
     area = PlotArea((0.0, 5.0, 10.0, 15.0), (0.0, 1.0), left=60.0)
     drawn = Walk(joined(_uprights(area, [ProductBar(value, "bar") for value in bars])))
     at = [float(attributes["x"] or 0.0) for attributes in drawn.all("text")]
     assert len(at) == len(bars)
-    assert all(after - before >= 13.0 for before, after in pairwise(at))
+    assert all(after - before >= 9.9 for before, after in pairwise(at))
 
 
 def test_every_failure_has_its_reason_and_its_command(compared: CampaignFindings, page: Walk) -> None:
@@ -135,9 +135,10 @@ def test_every_failure_has_its_reason_and_its_command(compared: CampaignFindings
 
 
 def test_bars_are_the_product_s_and_the_gate_s(page: Walk) -> None:
-    drawn = page.said("text")
-    assert any(text.startswith("peak of the drives, ") for text in drawn)
-    assert any(text.startswith("lets go at ") for text in drawn)
+    named = page.said("span")
+    assert any(": peak of the drives, " in text for text in named)
+    assert any(": lets go at " in text for text in named)
+    assert {"a", "b"} <= set(page.said("text"))
     assert "a quarter square" in page.text
     assert "2 bars of 4 missed." in page.said("p")
     assert [text for text in page.said("span") if text.endswith(": missed")] == ["wrong: missed", "compare: missed"]
@@ -161,7 +162,7 @@ def test_a_bar_has_one_bound_wherever_it_is_said(confidence: float) -> None:
     found = findings(campaign(range(30), 1), None, GateBars.model_validate(asked))
     (verdict,) = found.verdicts or ()
     (bound,) = re.findall("at most [0-9.]+ % with [0-9]+ % confidence", verdict.sentence)
-    (cell,) = [text for text in Walk(campaign_page(found)).said("td") if "the gate: 90 % within 0.5" in text]
+    (cell,) = [text for text in Walk(campaign_page(found)).said("td") if "the gate's bar, 90 % within 0.5 mm" in text]
     assert cell.endswith(bound)
     told = json.loads(summary_json(found))["figures"]["placement"]["bars"][-1]
     assert f"at most {percent(told['share_at_most'])} with {percent(told['confidence'])} confidence" == bound
@@ -170,7 +171,7 @@ def test_a_bar_has_one_bound_wherever_it_is_said(confidence: float) -> None:
 def test_peaks_of_plies_are_not_counted_beyond_a_bar_of_averages() -> None:
     found = findings(campaign(range(5), 1))
     page = Walk(campaign_page(found))
-    assert any(text.startswith("rated, on average") for text in page.said("text"))
+    assert any(": rated, on average" in text for text in page.said("span"))
     assert not any("rated, on average" in text for text in page.said("td"))
     assert len(json.loads(summary_json(found))["figures"]["torque"]["bars"]) == 1
 
@@ -245,12 +246,62 @@ def test_what_differs_between_the_campaigns_is_said_where_it_is_known() -> None:
     rows = campaign(range(12), 1)
     older, newer = replace(rows, kept=kept("default", "abc")), replace(rows, kept=kept("gentle", "xyz"))
     text = Walk(campaign_page(findings(newer, older))).text
-    assert 'Otherwise in this one: rig.profile is "gentle" instead of "default"; sources is xyz instead of abc.' in text
+    assert (
+        'What differs in this campaign: rig.profile is "gentle" instead of "default"; sources is xyz instead of abc.'
+        in text
+    )
     assert "Slowly" in text
     assert "Both draw the same, and were played by the same program" in Walk(campaign_page(findings(older, older))).text
     unknown = Walk(campaign_page(findings(rows, older))).text
-    assert "Otherwise" not in unknown
+    assert "What differs" not in unknown
     assert "Both draw" not in unknown
+
+
+def test_what_only_one_campaign_gives_is_said_so() -> None:
+    rows = campaign(range(12), 1)
+    plain = kept("default", "abc")
+    more = plain.model_copy(update={"spec": CampaignSpec(draw={**plain.spec.draw, "faults.grip": 0.5})})
+    for newer, older, said in (
+        (more, plain, "What differs in this campaign: faults.grip is given only here, as 0.5."),
+        (plain, more, "What differs in this campaign: faults.grip is not given here, and was 0.5."),
+    ):
+        found = findings(replace(rows, kept=newer), replace(rows, kept=older))
+        assert said in all_sentences(found)
+
+
+def test_how_many_pairs_ended_the_same_is_said_of_none_too(compared: CampaignFindings) -> None:
+    assert "No pair ended with the world the same to the last bit." in all_sentences(compared)
+
+
+def test_captions_and_cells_say_what_they_mean(compared: CampaignFindings, page: Walk) -> None:
+    captions = [text for text in page.said("p") if text.startswith("For each value, the share of plies with more")]
+    assert len(captions) == 3
+    assert not any(":" in caption.partition(": ")[2] for caption in captions)
+    assert any("Far beyond the drawing: the referee's bar, a quarter square, " in caption for caption in captions)
+    assert "a: rated, on average, 2.4 N m" in page.said("span")
+    assert "all\u00a0are\u00a00" in page.said("td"), "of missed ticks there were none"
+    assert any(text.startswith("A change is found where p is below 0.05 once") for text in page.said("p"))
+
+
+def test_what_was_not_measured_is_left_out() -> None:
+    found = findings(ended(["right"] * 9))
+    text = Walk(campaign_page(found)).text
+    assert "No game failed, and nothing was mended or asked in any." in text
+    rows = RowTable.of([{"seed": 1, "outcome": "crashed", "wall_s": 3.0, "host": "h", "cpu": "c"}])
+    crashed = findings(CampaignRows("x", rows, RowTable.of([], ["seed", "ply"])))
+    assert throughput_sentence(crashed) == "1200 games an hour and core: a game took 3 s of a worker."
+    assert "0 times" not in Walk(campaign_page(crashed)).text
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (0.194, 0.9937, "19.4 % to 99.4 %"), (0.0, 0.0247, "0 % to 2.5 %"), (0.0, 1.0, "0 % to 100 %"),
+        (0.9901, 0.9999, "99.01 % to 99.99 %"), (0.00001, 0.5, "0.001 % to 50.0 %"),
+    ],
+)  # fmt: skip
+def test_both_ends_of_an_interval_have_the_same_decimals(low: float, high: float, said: str) -> None:
+    assert interval(low, high) == said
 
 
 def test_programs_are_told_the_same(compared: CampaignFindings) -> None:

@@ -127,7 +127,7 @@ def test_the_same_campaign_again_is_the_same_to_the_last_bit() -> None:
     comparison = compared(older, campaign(range(30), 1))
     assert comparison.changes == ()
     assert comparison.match.alike == 30
-    assert "30 of the pairs ended with the world the same to the last bit." in comparison_lead(comparison)
+    assert "30 pairs ended with the world the same to the last bit." in comparison_lead(comparison)
     said = " ".join(comparison_sentences(comparison))
     assert "No difference was found in anything: every figure is the same." in said
     assert "games silently wrong" in said
