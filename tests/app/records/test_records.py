@@ -185,6 +185,7 @@ def test_a_ply_event_holds_the_move_and_what_was_measured(tmp_path: Path) -> Non
         "inventory": {"black-pawn-d": str(taken.target), "white-pawn-e": "d5"},
         "failures": ["white-pawn-e stands 11 mm beside d5"],
         "resumed": False,
+        "mended": False,
         "by": "arm",
         "score": None,
         "clock_s": None,
