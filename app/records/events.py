@@ -200,8 +200,7 @@ class PlyEvent(_Stamped):
     failures: tuple[str, ...]
     """What went wrong, a sentence each."""
     resumed: bool = False
-    """Another program finished it, or the same one after a pause: planned, real and peaks are those of its last
-    part."""
+    """Another program finished it, or this one after a pause: planned, real and peaks are those of its last part."""
     mended: bool = False
     """Something went wrong on the way, such as a piece that slipped, and was put right before the ply was done: the
     times are null, since nobody measured them from home to home."""
@@ -235,18 +234,9 @@ class EndEvent(_Stamped):
 
 
 AnyEvent = (
-    StartEvent
-    | StepEvent
-    | PlyEvent
-    | TaskEvent
-    | TaskDoneEvent
-    | TaskDroppedEvent
-    | FoundEvent
-    | TroubleEvent
-    | ResumeEvent
-    | SideEvent
-    | EndEvent
-)
+    StartEvent | StepEvent | PlyEvent | TaskEvent | TaskDoneEvent | TaskDroppedEvent
+    | FoundEvent | TroubleEvent | ResumeEvent | SideEvent | EndEvent
+)  # fmt: skip
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(Event)
 
