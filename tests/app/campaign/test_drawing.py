@@ -142,6 +142,7 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
             "rig.square = 900",
             "rig.square: a board of 900.0 mm squares with its trays fits nowhere below the base: choose",
         ),
+        ("rig.square = 0.09", "rig.square: squares of 0.09 mm are too small: choose at least 30 mm"),
         ("rig.square = {from = 30, to = 900}", "rig.square: a board of 900.0 mm squares"),
         (
             "randomisation.friction = {from = -0.2, to = 0.2}",
