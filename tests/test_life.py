@@ -198,7 +198,7 @@ def test_a_full_disk_is_named_with_the_remedy(demo, tmp_path):
         (("--fen", "8/8/8/8/8/8/8/8 w - - 0 1"), ["not a legal position", "king"]),
         (("--fen", "nonsense"), ["--fen", "nonsense"]),
         (("--moves", "e4 e5 Ke3"), ["Ke3", "3"]),
-        (("--nodes", "100", "--white-elo", "1500"), ["--nodes", "--white-elo"]),
+        (("--nodes", "100", "--white-elo", "1500"), ["--nodes", "strength in Elo"]),
         (("--white-elo", "100"), ["100", "2850"]),
         (("--fen", "QQQQQ3/8/8/8/8/8/8/K4k2 w - - 0 1"), ["queen", "white"]),
     ],

@@ -186,19 +186,26 @@ class SimRig(RemoteRig):
 
     def _culprit(self) -> str | None:
         """The process that ended by itself and took others along: one with a failure, the world before others."""
-        status = self._statuses()
-        world = next(iter(self._processes), None)
-        gone = self._connected and world_pid(self._run_dir) is None
-        if world is not None and status[world] is None and (gone or any(status.values())):
-            # Its connections are gone before it is gone itself, and a quick controller ends first.
-            with suppress(subprocess.TimeoutExpired):
-                self._processes[world].wait(LAST_WORDS_TIME)
-            status = self._statuses()
+        status = self._settled()
         failed = [name for name, code in status.items() if code]
         if not failed and status and None not in status.values():
             failed = list(status)
         killed = [name for name in failed if (status[name] or 0) < 0]  # others end by themselves, since one is gone
         return next(iter([*killed, *failed]), None)
+
+    def _settled(self) -> dict[str, int | None]:
+        """Statuses of all processes, once a world that is ending has ended.
+
+        Its connections are gone before it is gone itself, and a quick controller ends first.
+        """
+        status = self._statuses()
+        world = next(iter(self._processes), None)
+        gone = self._connected and world_pid(self._run_dir) is None
+        if world is not None and status[world] is None and (gone or any(status.values())):
+            with suppress(subprocess.TimeoutExpired):
+                self._processes[world].wait(LAST_WORDS_TIME)
+            status = self._statuses()
+        return status
 
     def _statuses(self) -> dict[str, int | None]:
         return {name: process.poll() for name, process in self._processes.items()}
@@ -229,7 +236,8 @@ class SimRig(RemoteRig):
             self.failure()
             orderly = self._connected and self._shut_down()
             if not orderly and self._connected and self._cause is None:
-                # whoever has ended well since was told to, and the last word of it was lost on its way
+                # whoever ends well now was told to, and the last word of it was lost on its way
+                self._settled()
                 orderly = all(map(self._ended_well, self._processes.values()))
             if not orderly:  # somebody has ended meanwhile, and could not be asked
                 self.failure()

@@ -95,6 +95,53 @@ def test_a_disk_with_room_and_a_folder_that_is_gone_are_no_full_disk(tmp_path: P
     assert full_disk(tmp_path / "none") is None
 
 
+@dataclass
+class Ending(Ended):
+    """A process whose connections are gone, and which has ended once that is waited for."""
+
+    def poll(self) -> int | None:
+        return None
+
+    def wait(self, timeout: float | None = None) -> int:
+        self.poll = lambda: self.status  # type: ignore[method-assign]
+        return super().wait(timeout)
+
+    def terminate(self) -> None:
+        """As told already."""
+
+
+class Lost:
+    """A client that does not hear its controller's last word."""
+
+    asked = False
+
+    def shutdown(self) -> None:
+        self.asked = True
+        raise ControllerLost
+
+    def close(self) -> None:
+        return None
+
+
+@pytest.mark.parametrize(("status", "cause"), [
+    (0, None),
+    (1, "the simulation has ended: exit status 1"),
+    (KILLED, "the simulation has ended: it was killed (SIGKILL)"),
+])  # fmt: skip
+def test_who_ends_well_a_moment_after_its_last_word_was_lost_was_told_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: int, cause: str | None
+) -> None:
+    lost = Lost()
+    monkeypatch.setattr("app.rig.simulation.sim.world_pid", lambda _run_dir: None if lost.asked else 1)
+    rig = object.__new__(SimRig)
+    rig._run_dir, rig._open, rig._cause, rig._connected = tmp_path, True, None, True
+    rig._processes = {"simulation": cast(Any, Ending(status))}
+    rig._devices = rig.client = cast(Any, lost)
+    rig._rig = cast(Any, None)
+    rig.close()
+    assert rig._cause == cause
+
+
 @pytest.mark.parametrize("good", [True, False])
 def test_the_last_word_of_who_was_adopted_may_be_lost_but_not_its_last_state(tmp_path: Path, good: bool) -> None:
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
