@@ -112,19 +112,12 @@ def run_world(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -> int
 
         world = world_of(run_dir, drawing)
         end_loading()
-        _outlive_the_terminal()
         world.run()
     else:
         from hardware.sim.emulated.process import run_emulated
 
         run_emulated(run_dir)
     return 0
-
-
-def _outlive_the_terminal() -> None:
-    """Neither Ctrl-C nor the terminal's end are for a world: the app decides when it ends."""
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
 
 
 def _load_world() -> None:
@@ -145,7 +138,8 @@ def run_simulation(run_dir: Path, *, ahead: bool = False, drawn: bool = False) -
     ``ahead`` and ``drawn`` as of ``run_world``.
     """
     begin_loading()
-    _outlive_the_terminal()
+    for number in (signal.SIGINT, signal.SIGHUP):  # the app decides when a world ends
+        signal.signal(number, signal.SIG_IGN)
     drawing = _drawing(run_dir, alone=True) if drawn else None
     from hardware.sim.process.inner_bus import InnerServoBus
     from hardware.sim.process.server import world_of

@@ -102,8 +102,7 @@ class World:
         self._said = plant.measure(standing=False)
         self._serving: Iterator[None] | None = None
         self._again = False
-        self._reported = -1
-        self._missed = self._turns = 0
+        self._reported, self._missed, self._turns = -1, 0, 0
         self._idle, self._longest_idle = 0, round(LONGEST_UNREST / drive.tick)
         self._ending = False
 
@@ -113,6 +112,8 @@ class World:
         Raises ``HardwareError`` if the cameras have no OpenGL.
         """
         signal.signal(signal.SIGTERM, self._end)
+        for number in (signal.SIGINT, signal.SIGHUP):  # the app decides when a world ends
+            signal.signal(number, signal.SIG_IGN)
         with self.open(), self._punctual():
             if not self._fast:
                 self._live.write_aside()
