@@ -101,21 +101,21 @@ def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim, process
 
 @pytest.mark.slow
 def test_kill_9_of_what_can_be_started_again_goes_unnoticed(demo):
-    run = demo("--pace", "fast", "--no-video", "--plies", "4", "--movetime", "0.05", "--verify")
+    run = demo("--pace", "fast", "--no-video", "--plies", "3", "--movetime", "0.05", "--verify")
     in_mid_game(run)
     running = run.helpers()
     for victim in ("drawing", "stockfish"):
         os.kill(running[victim], signal.SIGKILL)
     status, out, _ = run.wait()
     report = json.loads(out)
-    assert (status, report["plies"], report["failures"]) == (0, 4, [])
+    assert (status, report["plies"], report["failures"]) == (0, 3, [])
     assert not run.helpers()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("victim", "processes", "named"), VICTIMS)
 def test_kill_9_of_a_process_that_is_starting_is_named(demo, victim, processes, named):
-    run = demo(*GAME, *processes)
+    run = demo(*GAME, *processes, *UNSEEN)
     run.until(lambda: victim in run.helpers(), f"the {victim}")
     os.kill(run.helpers()[victim], signal.SIGKILL)
     status, _, err = run.wait(60)

@@ -128,8 +128,6 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         player.turn(8)
         player.page.get_by_role("button", name="Take back", exact=True).click()
         player.turn(6)
-        player.keys("e1", "g1")
-        player.turn(8)
         player.says("resign")
         leave = player.page.locator('#ask [data-answer="quit"]')
         expect(leave).to_be_visible(timeout=1000.0 * PATIENCE)
@@ -138,7 +136,7 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         assert process.wait(PATIENCE) == 0, (tmp_path / "said").read_text()[-2000:]
         assert player.wrong == []
         player.close()
-    expected = "h3 d5 exd6 h6 cxd8=Q+ Kxd8 O-O h5"
+    expected = "h3 d5 exd6 h6 cxd8=Q+ Kxd8"
     assert moves_of(tmp_path) == expected
     report = json.loads((tmp_path / "game" / "report.json").read_text())
     assert report["physical_ok"] is True

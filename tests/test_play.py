@@ -169,8 +169,6 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     terminal.until(r"who moves next.* > ")
     terminal.type("white")
     terminal.until("your move > ")
-    terminal.type("hint")
-    terminal.until(r"I would play (\S+?)[\s\r]")
     terminal.type("hand move c3 f4")
     terminal.until("your move > ")
     terminal.type("keep")  # whatever became of the game: what stands there begins another one

@@ -40,12 +40,7 @@ def run(
     games: Annotated[int, typer.Option(min=1, help="Games in all; a larger number later goes on.")],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            parser=options.written,
-            metavar="PATH",
-            help="Folder of the campaign; campaigns/<name of the file> by default.",
-        ),
+        options.output("Folder of the campaign; campaigns/<name of the file> by default.", "--out"),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, max=1024, help="Games at a time on this machine; its cores by default.")
@@ -111,12 +106,7 @@ def repeat(
     film: Annotated[bool, typer.Option("--film", help="Film it from its beginning to its end.")] = False,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            parser=options.written,
-            metavar="PATH",
-            help="Folder of the repeated game; games/<seed>-again of the campaign by default.",
-        ),
+        options.output("Folder of the repeated game; games/<seed>-again of the campaign by default.", "--out"),
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -147,9 +137,7 @@ def campaign_report(
     as_json: options.AsJson = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=options.written, metavar="PATH", help="File of the page; report.html in the folder, if left out."
-        ),
+        options.output("File of the page; report.html in the folder, if left out."),
     ] = None,
 ) -> None:
     """What a campaign proves, as a page: rates with bounds, figures against their bars, what explains failures."""

@@ -24,9 +24,7 @@ def dataset(
     folder: Annotated[Path, typer.Argument(help="Folder of a game, a match, a campaign, or of several games.")],
     output: Annotated[
         Path,
-        typer.Option(
-            "--out", parser=options.written, metavar="PATH", help="Folder of the dataset, which must not be there yet."
-        ),
+        options.output("Folder of the dataset, which must not be there yet.", "--out"),
     ],
     form: Annotated[
         DatasetFormat, typer.Option("--format", help="lerobot: LeRobot's v3.0; mcap: one file an episode.")

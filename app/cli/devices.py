@@ -88,11 +88,7 @@ def calibrate(
     rig: _Rig = "sim",
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=options.written,
-            metavar="PATH",
-            help="File to write; if left out, the rig file's, or games/calibration.json.",
-        ),
+        options.output("File to write; if left out, the rig file's, or games/calibration.json."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
 ) -> None:
@@ -106,11 +102,7 @@ def identify(
     rig: _Rig = "sim",
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=options.written,
-            metavar="PATH",
-            help="Parameters file to write; if left out, identified.toml beside the rig file or in games/.",
-        ),
+        options.output("Parameters file to write; if left out, identified.toml beside the rig file or in games/."),
     ] = None,
     pole_pairs: Annotated[
         int,

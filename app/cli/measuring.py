@@ -17,9 +17,7 @@ def figures(
     ],
     move: Annotated[str, typer.Argument(help="For figure move: the move to draw, SAN or UCI.")] = "e2e4",
     fen: Annotated[str | None, typer.Option(help="For figure move: the position.")] = None,
-    out: Annotated[
-        Path, typer.Option(parser=options.written, metavar="PATH", help="Folder for the pictures and their numbers.")
-    ] = Path("games/figures"),
+    out: Annotated[Path, options.output("Folder for the pictures and their numbers.")] = Path("games/figures"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
 ) -> None:
     """Compute a figure: pictures, and their numbers as JSON."""

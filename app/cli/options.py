@@ -14,11 +14,16 @@ import typer
 from app.cli.ending import fail, say
 
 
-def written(text: str | Path) -> Path:
+def _written(text: str | Path) -> Path:
     """What an option names that is to be written; an empty name, as of a shell's unset variable, means nothing."""
     if not str(text).strip():
         raise ValueError("name a file or folder, or leave the option out")
     return Path(text)
+
+
+def output(explained: str, *names: str) -> Any:
+    """An option that names a file or folder to be written."""
+    return typer.Option(*names, parser=_written, metavar="PATH", help=explained)
 
 
 if TYPE_CHECKING:
@@ -161,9 +166,7 @@ Page = Annotated[
 PagePort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="TCP port of the page; by default 8064, or any free one.")
 ]
-Out = Annotated[
-    Path | None, typer.Option(parser=written, metavar="PATH", help="Folder of the record; games/<time> by default.")
-]
+Out = Annotated[Path | None, output("Folder of the record; games/<time> by default.")]
 Config = Annotated[
     Path | None,
     typer.Option(help="TOML file with settings, as 'touchmove config' prints it; options override it."),

@@ -65,9 +65,7 @@ def analyse(
     engine: options.EnginePath = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=options.written, metavar="PATH", help="Folder for the files; by default where the game lies."
-        ),
+        options.output("Folder for the files; by default where the game lies."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the analysis as JSON.")] = False,
 ) -> None:
@@ -106,7 +104,7 @@ def film(
     fine: Annotated[bool, typer.Option("--fine", help="Smooth edges and shadows; takes three times as long.")] = False,
     output: Annotated[
         Path | None,
-        typer.Option(parser=options.written, metavar="PATH", help="WebM file to write; if left out, in the folder."),
+        options.output("WebM file to write; if left out, in the folder."),
     ] = None,
 ) -> None:
     """Draw a film of a simulated game from the positions in its record. Ctrl-C cancels it."""

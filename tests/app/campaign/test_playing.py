@@ -42,7 +42,7 @@ from tests.waiting import until
 FILE = """
 first_seed = 5
 [draw]
-game.plies = 2
+game.plies = 1
 engine.nodes = { from = 200, to = 500 }
 randomisation.piece_mass = { from = 0.0, to = 0.4 }
 """
@@ -59,7 +59,7 @@ def test_two_real_games_and_one_of_them_again_to_the_last_bit(tmp_path: Path) ->
     assert (summary["done"], summary["outcomes"], summary["failed"]) == (2, {"right": 2}, [])
     found = {one.game.seed: one for one in results_in(folder / WHOLE.ledger)}
     for seed, one in found.items():
-        assert (one.game.plies, one.game.wrong_plies, len(one.plies)) == (2, 0, 2)
+        assert (one.game.plies, one.game.wrong_plies, len(one.plies)) == (1, 0, 1)
         assert one.game.world_state is not None
         assert 200.0 <= float(one.game.drawn["engine.nodes"]) <= 500.0
         assert not (folder / "games" / str(seed)).exists(), "what went right is not kept"

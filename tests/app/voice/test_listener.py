@@ -96,7 +96,7 @@ def test_while_the_robot_speaks_nothing_is_heard(tmp_path: Path) -> None:
 def test_moves_of_real_games_in_many_voices() -> None:
     """By the letters' code at least nine of ten are understood; never is anything understood that cannot be played."""
     rng = random.Random(20261126)
-    recogniser, right, rounds = Recogniser(), 0, 24
+    recogniser, right, rounds = Recogniser(), 0, 12
     for board, move in positions(rng, rounds):
         said = sayable(board)
         lines, san = lines_of(said), board.san(move).rstrip("+#")
