@@ -138,7 +138,7 @@ class LinkThread:
             if self._current is not None:
                 self._current.send(LeavingMessage(reason=reason))
             with suppress(RuntimeError):  # it has just ended
-                asyncio.run_coroutine_threadsafe(self._leave(), self._loop)
+                self._loop.call_soon_threadsafe(self._closing.set)
             self._thread.join(LEAVE + 2.0)
 
     def cut(self) -> None:
@@ -155,15 +155,17 @@ class LinkThread:
 
     async def _until_closed(self) -> None:
         work = asyncio.create_task(self._work())
-        closing = asyncio.create_task(self._closing.wait())
-        await asyncio.wait((work, closing), return_when=asyncio.FIRST_COMPLETED)
-        closing.cancel()
+        leaving = asyncio.create_task(self._leave())
+        await asyncio.wait((work, leaving), return_when=asyncio.FIRST_COMPLETED)
+        leaving.cancel()
         work.cancel()
         (ended,) = await asyncio.gather(work, return_exceptions=True)
         if isinstance(ended, Exception):
             self._peer.fail(str(ended))
 
     async def _leave(self) -> None:
+        """Once that is wanted; it waits in the loop's own thread, which may end before it is wanted."""
+        await self._closing.wait()
         current = self._current
         if current is not None:
             await current.leave()
@@ -171,7 +173,6 @@ class LinkThread:
                 async with asyncio.timeout(LEAVE):
                     while self._current is current:
                         await asyncio.sleep(0.01)
-        self._closing.set()
 
     async def _work(self) -> None:
         raise NotImplementedError
