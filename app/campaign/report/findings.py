@@ -27,7 +27,7 @@ from app.campaign.report.analysis.conditions import drawn_ranges
 from app.campaign.report.analysis.distributions import FIGURES, Distribution, ProductBar, distribution, product_bars
 from app.campaign.report.analysis.explaining import Association, explained
 from app.campaign.report.analysis.locating import located
-from app.campaign.report.analysis.metrics import FAILED, OUTCOMES, Metric
+from app.campaign.report.analysis.metrics import FAILED, OUTCOMES, Metric, MetricSort
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
 from app.campaign.report.gate import GateBars, GateVerdict, QuantileBar, bars_by_figure, judged
@@ -128,8 +128,11 @@ class CampaignComparison:
 
     @property
     def found(self) -> tuple[MetricChange, ...]:
-        """The changes that are more than chance, the surest first."""
-        return tuple(sorted((one for one in self.changes if one.found), key=lambda one: one.corrected))
+        """The changes that are more than chance: first how games end, if that is worse, then the surest first."""
+        return tuple(sorted(
+            (one for one in self.changes if one.found),
+            key=lambda one: (not (one.worse and one.metric.sort is MetricSort.RATE), one.corrected),
+        ))  # fmt: skip
 
     @property
     def told(self) -> tuple[MetricChange, ...]:

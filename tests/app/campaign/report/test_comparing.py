@@ -105,6 +105,18 @@ def test_what_is_better_is_said_to_be() -> None:
     assert said[0].startswith("Better: time of capture plies: 0.0")
 
 
+def test_games_that_fail_are_told_before_a_surer_change_of_a_figure() -> None:
+    def both(games: dict[str, np.ndarray], plies: dict[str, np.ndarray], rng: np.random.Generator) -> None:
+        captures_are_slower(games, plies, rng)
+        dark_rooms_fail(games, plies, rng)
+
+    older, newer = pair(1, True, both)
+    found = compared(older, newer).found
+    assert [one.metric.key for one in found][:2] == ["failed", "unmended"]
+    assert found[0].corrected > min(one.corrected for one in found)
+    assert not compared(newer, older).found[0].worse, "fewer failures are no news to begin with"
+
+
 @pytest.mark.parametrize("paired", [True, False])
 def test_games_that_end_early_are_no_better_for_what_did_not_happen_in_them(paired: bool) -> None:
     def with_repairs(rows: CampaignRows, early: np.ndarray) -> CampaignRows:
