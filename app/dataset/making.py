@@ -186,8 +186,8 @@ def _positions(path: Path) -> Path:
     if not path.is_file():
         raise UserError(
             f"{path.parent} has no {path.name}, from which pictures are drawn: simulations with cameras record it, as "
-            "'touchmove demo' does without --no-video, and 'touchmove campaign repeat DIR SEED --film'; or say --view "
-            "none for a dataset without pictures"
+            "'touchmove demo' does without --no-video, and campaigns with rig.positions = true or one game by "
+            "'touchmove campaign repeat DIR SEED --film'; or say --view none for a dataset without pictures"
         )
     return path
 
