@@ -1,6 +1,9 @@
 """Base classes of settings and reports that do not change: strict about names, so that a misspelt one is refused."""
 
-from pydantic import BaseModel, ConfigDict
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 
 class Frozen(BaseModel):
@@ -13,3 +16,13 @@ class FrozenFinite(Frozen):
     """Of finite numbers alone: what devices are set to."""
 
     model_config = ConfigDict(allow_inf_nan=False)
+
+
+def _named(path: object) -> object:
+    if isinstance(path, str) and not path.strip():
+        raise ValueError("it should be the name of a file or folder, or be left out")
+    return path
+
+
+NamedPath = Annotated[Path, BeforeValidator(_named)]
+"""A file or folder that a person names; an empty name would be the current folder."""

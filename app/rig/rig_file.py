@@ -33,7 +33,7 @@ from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings
 from hardware.drives.ethercat.settings import EtherCatSettings
 from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.settings import DriveSettings
-from hardware.frozen import Frozen
+from hardware.frozen import Frozen, NamedPath
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, ParametersError, RobotParameters, load_parameters
 from hardware.piece_set import Colour
@@ -53,7 +53,7 @@ class ControllerSection(ControllerSettings):
     directory."""
     relay: Annotated[int, Field(ge=1, le=65535)] | None = None
     """UDP port on this computer at which clients reach it instead, through a relay; left out: its own."""
-    key: Path = Path("touchmove.key")
+    key: NamedPath = Path("touchmove.key")
     """File with the secret that controller and clients share; the controller makes it at its first start."""
 
     @model_validator(mode="after")
@@ -127,7 +127,7 @@ class WorldSection(WorldOptions):
     """The side at which a simulated person sits; nobody if left out. Their hand does what a program of its own has it
     do: a game knows as little of that as in a lab."""
 
-    robot: Path | None = None
+    robot: NamedPath | None = None
     """Parameters of the robot that is there, whatever the rig file's ``parameters`` believe of it; these if left
     out."""
     processes: Processes = Processes.TOGETHER
@@ -153,12 +153,12 @@ class RigFile(Frozen):
     world: WorldSection | None = None
     camera: Annotated[LabCamera, Field(discriminator="kind")] | None = None
     """That looks at a lab's board; none if left out."""
-    run_dir: Path = Path("run")
+    run_dir: NamedPath = Path("run")
     """Where the controller leaves its flight records, and a simulated world its sockets."""
-    parameters: Path = DEFAULT_FILE
+    parameters: NamedPath = DEFAULT_FILE
     """Of the robot."""
     table: TableSettings = TableSettings()
-    calibration: Path = Path("calibration.json")
+    calibration: NamedPath = Path("calibration.json")
     """Where ``touchmove calibrate`` writes how the camera hangs, and games read it."""
 
     @model_validator(mode="after")

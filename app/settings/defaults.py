@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
@@ -17,6 +16,7 @@ from app.motion import Profile
 from app.settings.time_control import ArmTime
 from controller.settings import ANY_PORT, LOOPBACK, IPv4
 from engine.settings import BOOK_PLIES, HASH_MB, THREADS, OptionValue
+from hardware.frozen import NamedPath
 from hardware.interfaces import LINGER, SEED, Pace
 from hardware.piece_set import Colour
 from hardware.table import Captured
@@ -118,7 +118,7 @@ class RigSection(_Section):
     captured: Captured | None = None
     """Where captured pieces go in a simulation: tray (the default): onto places of their own; box: dropped into a box.
     A rig file has its own setting."""
-    randomise: Path | None = None
+    randomise: NamedPath | None = None
     """TOML file that says how the simulation differs from what the game believes. If left out: slightly, like a careful
     lab (``AS_A_LAB``)."""
     ideal: bool = False
@@ -160,7 +160,7 @@ class GameSection(_Section):
     person says whose move it is. In a simulation, ``standing`` or the usual position stands there."""
     moves: str | None = None
     """Play this line (SAN or UCI) instead of asking players."""
-    replay: Path | None = None
+    replay: NamedPath | None = None
     """Play the games of this PGN file again, or the game of this folder."""
     replay_game: PositiveInt | None = None
     """Replay only this game, counted from 1."""
@@ -179,9 +179,9 @@ class PracticeSection(_Section):
     """The robot begins without a piece: pawn, knight, bishop, rook or queen; where two engines play, White does."""
     coach: bool = False
     """At a person's blunder offer to take it back, and say why."""
-    repertoire: Path | None = None
+    repertoire: NamedPath | None = None
     """PGN file with variations: the robot plays by it, and says where the person has left it."""
-    puzzles: Path | None = None
+    puzzles: NamedPath | None = None
     """Set up the puzzles of this CSV or PGN file one after the other, and play them out."""
     puzzle: PositiveInt = 1
     """Begin with this puzzle of the file, counted from 1."""
@@ -204,11 +204,11 @@ class EngineSection(_Section):
     """Think while others move. If left out: only in a game with a clock."""
     options: dict[str, OptionValue] = Field(default_factory=dict)
     """Further UCI options by name, as the engine offers them."""
-    book: Path | None = None
+    book: NamedPath | None = None
     """Opening book in Polyglot's format; without one, the seed selects an opening for two engines."""
     book_plies: PositiveInt = BOOK_PLIES
     """Number of plies at the start in which the book is used."""
-    syzygy: Path | None = None
+    syzygy: NamedPath | None = None
     """Folder with Syzygy endgame tables: games of two engines end where the tables know the result, and a person's
     hints come from them."""
     resigns: bool = False
@@ -226,7 +226,7 @@ class SideSection(_Section):
     """Strength of the engine by its Skill Level (Stockfish: 0 to 20), for play below its lowest Elo."""
     path: str | None = None
     """Path of this side's own engine."""
-    book: Path | None = None
+    book: NamedPath | None = None
     """This side's own opening book."""
     time: str | None = None
     """Time control of this side, if it differs from the clock's."""
@@ -253,7 +253,7 @@ class VisionSection(_Section):
     game against a human."""
     guard_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 30.0
     """Frame rate of a simulated camera for the guard; a lab's camera has its own rate [1/s]."""
-    calibration: Path | None = None
+    calibration: NamedPath | None = None
     """File of 'touchmove calibrate' with the poses of camera and board. If left out: the file that a lab's rig file
     names, if any; a simulation is believed to be as specified."""
 
@@ -275,7 +275,7 @@ class OnlineSection(_Section):
     are not played on Lichess."""
     server: Annotated[str, Field(max_length=200)] = "https://lichess.org"
     """Address of the server: Lichess, or one of your own."""
-    token_file: Path | None = None
+    token_file: NamedPath | None = None
     """File with the account's token, mode 0600; if left out, the keyring has it. Only the file's name is recorded."""
     opponent: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{2,30}$")] | None = None
     """Challenge this player; if left out, a person is paired with anybody, and a bot waits for challenges."""
@@ -323,7 +323,7 @@ class PageSection(_Section):
     """IPv4 address to listen on; any except a loopback address needs a password."""
     port: Annotated[int, Field(ge=0, le=65535)] = 8064
     """TCP port; if another game's page uses it, any free one. 0: any free one."""
-    password: Path | None = None
+    password: NamedPath | None = None
     """File written by 'touchmove page --set-password FILE'; without the password nobody sees anything."""
     address: str | None = None
     """Address that the browser shows if a proxy stands in front of the page, such as https://robot.example."""
@@ -340,9 +340,9 @@ class LinkSection(_Section):
     """IPv4 address at which a host waits for its guest: 0.0.0.0 for any computer that reaches this one."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8065
     """TCP port of the host."""
-    secret: Path | None = None
+    secret: NamedPath | None = None
     """File with the secret of both robots, one line that only its owner can read. If left out: the terminal asks."""
-    identity: Path | None = None
+    identity: NamedPath | None = None
     """Folder of this robot's key and certificate, made at first use. If left out: in the user's configuration."""
     color: Colour = Colour.WHITE
     """The host's pieces in the first game."""
@@ -367,7 +367,7 @@ class Settings(_Section):
     terminal: TerminalSection = TerminalSection()
     page: PageSection = PageSection()
     link: LinkSection = LinkSection()
-    out: Path | None = None
+    out: NamedPath | None = None
     """Folder of the record; if left out, games/<time>."""
 
     @property

@@ -68,6 +68,10 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         ("", r"controller is missing: give it a value"),
         (CONTROLLER + "prot = 1\n", r"no setting controller\.prot: did you mean port\?"),
         (CONTROLLER + "[drive]\n", r"no setting drive: did you mean drives\?"),
+        (
+            'run_dir = " "\n' + CONTROLLER,
+            r"run_dir: it should be the name of a file or folder, or be left out, not ' '",
+        ),
         (CONTROLLER + "[world]\nsede = 3\n", r"no setting world\.sede: did you mean seed\?"),
         (
             CONTROLLER + "[world]\nzzz = 3\n",

@@ -57,6 +57,8 @@ def test_a_field_that_does_not_exist_is_refused_with_the_nearest(tmp_path: Path)
         load_settings(written(tmp_path, "[rig]\nsede = 3\n"))
     with pytest.raises(ConfigError, match=r"cannot be read: .*: 'touchmove config' prints one"):
         load_settings(tmp_path / "none.toml")
+    with pytest.raises(ConfigError, match=r"out: it should be the name of a file or folder, or be left out, not ''"):
+        load_settings(written(tmp_path, 'out = ""\n'))
 
 
 def test_an_option_counts_for_more_than_the_file_and_the_file_for_more_than_a_default(tmp_path: Path) -> None:
