@@ -139,7 +139,7 @@ class FakeDebian:
         self.bin = folder / "bin"
         self.bin.mkdir()
         self.log = folder / "log"
-        for name in ("bash", "cat", "cut", "dirname", "env", "grep", "rm", "sha256sum", "mkdir", "cp", "nice"):
+        for name in ("bash", "cat", "cut", "dirname", "env", "grep", "rm", "sha256sum", "mkdir", "cp", "nice", "awk"):
             (self.bin / name).symlink_to(str(shutil.which(name)))
         self.command("dpkg-query", "echo installed")
         self.command("stockfish", "true")
@@ -170,8 +170,9 @@ class FakeDebian:
         return [line for line in self.log.read_text().splitlines() if line.startswith(start)]
 
     def installed(self) -> list[str]:
-        """What pip was asked to install, the last word of each call."""
-        return [line.split()[-1] for line in self.calls("python3.11 -m pip --disable-pip-version-check install")]
+        """What pip was asked to install, the last word of each call; without the pins that come in halves before."""
+        calls = self.calls("python3.11 -m pip --disable-pip-version-check install")
+        return [line.split()[-1] for line in calls if "--no-deps" not in line]
 
 
 @pytest.fixture
@@ -199,6 +200,7 @@ def test_the_tools_come_on_top_and_are_enough_for_the_demo(debian: FakeDebian) -
     debian.run("demo")
     assert debian.run("dev")[0] == 0
     assert debian.installed() == ["setuptools", ".[dev]"]
+    assert len(debian.calls("python3.11 -m pip --disable-pip-version-check install")) == 2 + 2, "pins come in halves"
     assert not debian.calls("python3.11 -m venv"), "the environment is kept"
     assert debian.run("demo") == (0, "")
 
