@@ -10,13 +10,12 @@ import typer
 
 import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.ending import fail, interruptible, say
-from app.dataset.wish import DatasetFormat, DatasetWish
+from app.dataset.wish import RATES, DatasetFormat, DatasetWish
 
 if TYPE_CHECKING:
     from app.dataset.making import DatasetReport
 
-_FIELDS = DatasetWish.model_fields
-_SIZE = f"{_FIELDS['width'].default}x{_FIELDS['height'].default}"
+_SIZE = f"{DatasetWish.width}x{DatasetWish.height}"
 _NONE = "none"
 
 
@@ -28,8 +27,10 @@ def dataset(
     ],
     form: Annotated[
         DatasetFormat, typer.Option("--format", help="lerobot: LeRobot's v3.0; mcap: one file an episode.")
-    ] = _FIELDS["format"].default,
-    fps: Annotated[int, typer.Option(min=1, max=1000, help="Frames a second of plant time.")] = _FIELDS["fps"].default,
+    ] = DatasetWish.format,
+    fps: Annotated[
+        int, typer.Option(min=RATES[0], max=RATES[1], help="Frames a second of plant time.")
+    ] = DatasetWish.fps,
     view: Annotated[
         list[str] | None,
         typer.Option(
@@ -43,8 +44,6 @@ def dataset(
     as_json: options.AsJson = False,
 ) -> None:
     """Make a dataset for robot learning of recorded games: an episode a ply. Ctrl-C leaves nothing of it."""
-    from pydantic import ValidationError
-
     from app import UserError
 
     sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
@@ -58,8 +57,8 @@ def dataset(
             source=folder, output=output, format=form, fps=fps, width=int(sides[1]), height=int(sides[2]), fine=fine,
             failures=failures, **views,
         )  # fmt: skip
-    except ValidationError as error:
-        fail(f"'--size {size}': {error.errors()[0]['msg']}; both sides are even, from 64 to 4096")
+    except ValueError as error:
+        fail(f"'--size {size}': {error}")
     try:
         report = _made(wish)
     except UserError as error:

@@ -51,7 +51,7 @@ def game(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def make(game: Path, output: Path, **wish: Any) -> DatasetReport:
     whole = {"source": game, "output": output, "width": WIDTH, "height": HEIGHT, **wish}
-    return make_dataset(DatasetWish.model_validate(whole), lambda done, whole: None, print)
+    return make_dataset(DatasetWish(**whole), lambda done, whole: None, print)
 
 
 @pytest.fixture(scope="module")
