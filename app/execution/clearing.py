@@ -64,13 +64,23 @@ class Clearing:
         """Pieces that were taken away from what leans."""
         self._left = defaultdict[str, set[Place]](set)
         """From where pieces have made way: back there they would be in the way again."""
+        self._freed: MisplacedPiece | None = None
+        """A piece that lies, and for which another has just made way."""
 
     def begin(self) -> None:
         """A recovery begins."""
+        self._freed = None
         self.pushed.clear()
         self._parted.clear()
         self._left.clear()
         self._stirred = 0
+
+    def freed(self, missing: Set[Place]) -> list[MisplacedPiece]:
+        """The piece that lies, and for which another has just made way, if it is missing from one of these places: as
+        it lay then, for nothing has touched it since. It comes before that other one is carried back. Told once.
+        """
+        freed, self._freed = self._freed, None
+        return [] if freed is None or freed.target not in missing else [freed]
 
     def prop(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | None:
         """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
@@ -101,6 +111,7 @@ class Clearing:
                 continue
             step = self._aside(blocked.piece.name, misplaced, stands, "makes way")
             if step is not None:
+                self._freed = next(one for one in misplaced if one.piece.name == name)
                 return step
             pairs.append(Blocked(name, blocked.piece.name))
         at_box = {name for name, blocked in refusals if isinstance(blocked, BoxInTheWay)}
@@ -218,6 +229,12 @@ class Clearing:
         self.pushed[push.name] += 1
         self._carrier.push_aside(push, stands)
         return True
+
+
+def with_freed(found: Sequence[MisplacedPiece], freed: Sequence[MisplacedPiece]) -> list[MisplacedPiece]:
+    """What a look has found; and what it has missed of what lay there just before."""
+    names = {one.piece.name for one in found}
+    return [*found, *(one for one in freed if one.piece.name not in names)]
 
 
 def _nearest(

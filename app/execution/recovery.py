@@ -17,7 +17,7 @@ import numpy as np
 
 from app import UserError
 from app.execution.carrier import Carrier
-from app.execution.clearing import Clearing
+from app.execution.clearing import Clearing, with_freed
 from app.execution.fallen import (
     MOST_TRIES,
     SWUNG_AFTER,
@@ -188,12 +188,13 @@ class Recovery:
         # a second's search: once a look, and only where it is needed
         foreign = any(fault.kind is FaultKind.FOREIGN for fault in found.faults)
         out = boxed(stands) if (foreign or strange) and self.observer.deep else []
-        misplaced = cache(lambda: self.observer.misplaced(stands, out, seen))
+        missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
+        freed = self._clearing.freed(missing)
+        misplaced = cache(lambda: with_freed(self.observer.misplaced(stands, out, seen), freed))
         sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
         # what lies against something else may be no thing of its own to depth
-        if sighted is not None and not (isinstance(sighted, Ask) and any(one.lies for one in misplaced())):
+        if sighted is not None and not (freed or (isinstance(sighted, Ask) and any(one.lies for one in misplaced()))):
             return found.faults, sighted
-        missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost.names | handled if (place := stands.find(name).place).in_tray}
         missing |= {piece.place for piece in out} | (set() if seen is None else seen.fallen_beside(stands))
         alone = unaided(missing, stands, wanted, misplaced, handled, people=board is not None)

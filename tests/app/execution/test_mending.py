@@ -34,7 +34,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
-from app.records.events import TroubleEvent
+from app.records.events import TaskEvent, TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
@@ -85,6 +85,8 @@ class Paper:
         """A person makes it while the arm goes home."""
         self.heap: set[str] = set()
         """A piece that lies leans on these: nobody can say how it lies until they have gone, or it was pushed over."""
+        self.against: str | None = None
+        """Only as long as this piece stands where it did is seen what lies beside it."""
         self.stirred = 0
         self.prop_off = 0.025
         self.prop: str | None = None
@@ -227,7 +229,7 @@ class Paper:
             leant_on = stands.find(self.prop)
             x, y = TABLE.xy(leant_on.place)
             beside.append(MisplacedPiece(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
-        if self.leans:
+        if self.leans or (self.against and self.truth.find(self.against) != START.find(self.against)):
             return beside
         return beside + [
             MisplacedPiece(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
@@ -366,6 +368,24 @@ def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path:
     kinds = [event.kind for event in history.events if isinstance(event, TroubleEvent)]
     assert kinds[0] == "lost"
     assert "fallen" in kinds
+
+
+@pytest.mark.parametrize("captured", list(Captured))
+def test_what_lies_is_stood_up_before_what_made_way_for_it_comes_back(
+    tmp_path: Path, captured: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether or not it is found once more: or else its neighbour would come, go and come without end."""
+    monkeypatch.setattr(sys.modules[__name__], "TABLE", TableSettings(captured=captured))
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.narrow, paper.against = {("white-pawn-d", "d2")}, "white-pawn-d"
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.asked) == (1, [])
+    assert same(paper.truth, table.inventory)
+    moved = [task.transfers for task in read_history(tmp_path / "game" / EVENTS_FILE, TABLE).events
+             if isinstance(task, TaskEvent)]  # fmt: skip
+    assert len(moved) <= 3, "the neighbour goes and comes back once"
 
 
 @pytest.mark.parametrize("immovable", [False, True])
