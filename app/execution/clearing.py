@@ -115,13 +115,16 @@ class Clearing:
                 return step
             pairs.append(Blocked(name, blocked.piece.name))
         at_box = {name for name, blocked in refusals if isinstance(blocked, BoxInTheWay)}
+        if any(self.swing(one, misplaced, stands) for one in misplaced if one.piece.name in at_box):
+            return True
+        if self._push(pairs, misplaced, stands):
+            return True
         lying = [one for one in misplaced if one.lies and one.piece.name in {pair.name for pair in pairs}]
-        return (
-            any(self.swing(one, misplaced, stands) for one in misplaced if one.piece.name in at_box)
-            or self._push(pairs, misplaced, stands)
-            or self._room(pairs, misplaced, stands)
-            or any(self.swing(one, misplaced, stands) for one in lying)
-        )
+        room = self._room(pairs, misplaced, stands)
+        if room is not None:
+            self._freed = next(iter(lying), None)
+            return room
+        return any(self.swing(one, misplaced, stands) for one in lying)
 
     def swing(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
         """Whether a piece that lies so that no push of all of it helps was pushed at its head, its middle or its foot,

@@ -76,6 +76,8 @@ class Paper:
         self.hemmed_in: str | None = None
         """This piece is in the way, and the fingers do not get at it either."""
         self.immovable = False
+        self.packed: str | None = None
+        """There is no room for a push until this piece has gone from where it did stand."""
         self.off = 0.0
         """What was lost over a tray stands so far from the middle of its place [m]."""
         self.stood_up = self.pushed = 0
@@ -168,7 +170,7 @@ class Paper:
         return 2.0
 
     def push_for(self, blocked: Any, misplaced: Any, stands: Inventory, seen: Any) -> Any:
-        if self.immovable:
+        if self.immovable or (self.packed and self.truth.find(self.packed) == START.find(self.packed)):
             raise PlanRefused("no push helps")
         self.visit()
         return SimpleNamespace(name=blocked[0].by)
@@ -184,7 +186,7 @@ class Paper:
             self.heap.clear()
             return
         self.pushed += 1
-        self.hemmed_in = None
+        self.hemmed_in = self.against = None
 
     def way_for(self, blocks: str, misplaced: Any, stands: Inventory, but: Set[Place] = frozenset()) -> Transfer:
         if self.hemmed_in == blocks or self.immovable:
@@ -401,6 +403,17 @@ def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, i
             ):
                 table.arm_ply(chess.Move.from_uci("e2e4"))
             return
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
+    assert same(paper.truth, table.inventory)
+
+
+def test_what_makes_room_for_a_push_stays_away_until_then(tmp_path: Path) -> None:
+    """Even if what lies is not found without it."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.hemmed_in, paper.packed, paper.against = "white-pawn-d", "white-pawn-c", "white-pawn-c"
+    with record:
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
     assert same(paper.truth, table.inventory)
