@@ -60,10 +60,17 @@ OF_TIME: Final = (
 )  # fmt: skip
 """Faults that no law here asks for, and that devices have which do not run when it is their turn."""
 T = TypeVar("T")
+Opened = TypeVar("Opened", bound=ServoBus)
 
 
 class HeldUp(Exception):
     """This machine did not let the test, or the devices, run for longer than a watchdog waits."""
+
+
+def held_up(said: Measurement) -> bool:
+    """The devices, or this process, did not run for longer than the watchdog waits: nobody's fault here."""
+    bitten = said.status & DriveStatus.WATCHDOG and not said.status & DriveStatus.FAULT
+    return bool(bitten) or fault_of(said.status) == (0, DriveTrouble.NO_REPLY)
 
 
 def world_settings(
@@ -164,7 +171,7 @@ class Bench:
         """Do it until this machine does not disturb it; the arm begins at home."""
         with ExitStack() as undisturbed:
             if not self.bus.lockstep:  # as a controller on a bus has it
-                undisturbed.enter_context(real_time("the test", 80))
+                undisturbed.enter_context(real_time("the test", 80, serial=self.kind == "moteus"))
             for _ in range(20):
                 try:
                     self.go_home()
@@ -200,14 +207,12 @@ class Bench:
             world_of = world_settings(folder, Pace.REAL, moteus=MOTEUS)
             process = self._start(folder, world_of, "app.cli", "world", "--run-dir")
             at = MOTEUS.model_copy(update={"port": folder / PORT})
-            return self._as_soon_as_there(process, lambda: MoteusServoBus(DRIVES, at, ROBOT, self.told.append))
+            return as_soon_as_there(process, lambda: MoteusServoBus(DRIVES, at, ROBOT, self.told.append))
         require_privileges()
         world_of = world_settings(folder, Pace.REAL, ethercat=ETHERCAT)
         process = self._start(folder, world_of, "hardware.sim.emulated.ethercat.process")
         enter = functools.partial(namespace.within_network, namespace.network_pid(folder))
-        return self._as_soon_as_there(
-            process, lambda: EtherCatServoBus(ETHERCAT, DRIVES, ROBOT, enter, self.told.append)
-        )
+        return as_soon_as_there(process, lambda: EtherCatServoBus(ETHERCAT, DRIVES, ROBOT, enter, self.told.append))
 
     def _start(self, folder: Path, settings: WorldSettings, *module: str) -> subprocess.Popen[bytes]:
         keep_settings(settings, folder)
@@ -217,13 +222,14 @@ class Bench:
         self._opened.callback(process.kill)
         return process
 
-    @staticmethod
-    def _as_soon_as_there(process: subprocess.Popen[bytes], open_bus: Callable[[], ServoBus]) -> ServoBus:
-        deadline = time.monotonic() + PATIENCE
-        while True:
-            try:
-                return open_bus()
-            except HardwareError:
-                if time.monotonic() > deadline or process.poll() is not None:
-                    raise
-                time.sleep(0.1)
+
+def as_soon_as_there(process: subprocess.Popen[bytes], open_bus: Callable[[], Opened]) -> Opened:
+    """A bus, once the devices of a process that has just begun answer."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return open_bus()
+        except HardwareError:
+            if time.monotonic() > deadline or process.poll() is not None:
+                raise
+            time.sleep(0.1)

@@ -197,6 +197,7 @@ class MoteusServoBus:
     def _take(self, command: Command, elapsed: float) -> None:
         heard = self._answers.collect()
         answered, before = time.monotonic(), self._state
+        self._ill |= None in heard.told  # who is silent may be what the fault is about
         missed = [
             None if told is not None else watch.missed(damage)
             for told, damage, watch in zip(heard.told, heard.damage, self._watches, strict=True)
