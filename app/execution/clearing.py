@@ -149,6 +149,12 @@ class Clearing:
         aside = self._aside(name, misplaced, stands, "makes way")
         if aside is not None or refused.around is None:
             return aside or False
+        lying = next((one for one in misplaced if one.lies and one.piece.name == name), None)
+        if lying is not None:
+            away = self._aside(refused.around.name, misplaced, stands, "moves away from what lies there")
+            if away is not None:  # it comes back once the other stands
+                self._freed = lying
+                return away
         pairs = [Blocked(refused.around.name, name, refused.around)]
         spot = refused.around.x, refused.around.y
         return (

@@ -35,8 +35,13 @@ LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
 most -0.05 and 0.38 with depth, 0.59 and 0.50 without)."""
+_SUPPORTED: Final = 0.3
+_AGREED: Final = 0.55
+"""With less of either a piece is in doubt (measured: of those that stand, as above; 0.24 and 0.49 of a pawn that leant
+on a bishop before it)."""
 _TOP: Final = 0.9  # of the points of a piece, this share is below what counts as its top: single points fly
 _HIGHEST: Final = 0.08  # no piece is as high [m]
+_BLUR: Final = 0.005  # depth of a standing piece is at most so much too high (measured: 4 mm of a pawn's 34) [m]
 _ENOUGH: Final = 25  # with fewer points of known height a piece's is not known
 _CLEAR_EDGE: Final = 0.1
 _AGREES: Final = 1.5
@@ -260,7 +265,8 @@ class Fit:
     def too_low(self) -> Mask:
         """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).
 
-        Half way between what stands and what lies; false where there is no depth, or too little of the piece.
+        Half way between what stands and what lies; false where there is no depth, or too little of the piece. Of one
+        that is in doubt what is higher than the piece itself does not count: it belongs to what stands before it.
         """
         low = np.zeros(len(self.stands), dtype=bool)
         if self.rises is None or not self.stands:
@@ -268,9 +274,13 @@ class Fit:
         within = (self.owner > 0) & (self.rises > FLAT) & (self.rises < _HIGHEST)
         # heights are far below 1 m: sorted with their piece's number before the point, each piece's are together
         heights = np.sort(self.owner[within] + self.rises[within].astype(float))
-        starts = np.searchsorted(heights, np.arange(1, len(self.stands) + 2))
+        doubted = (self.support() < _SUPPORTED) | (self.agreement() < _AGREED)
+        highest = np.array([PIECE_SHAPES[kind].height + _BLUR for kind in self.kinds])
+        numbers = np.arange(1, len(self.stands) + 1)
+        starts = np.searchsorted(heights, numbers)
+        ends = np.searchsorted(heights, numbers + np.where(doubted, highest, 1.0))
         for index, kind in enumerate(self.kinds):
-            first, count = starts[index], starts[index + 1] - starts[index]
+            first, count = starts[index], ends[index] - starts[index]
             if count >= _ENOUGH:
                 below, part = divmod(_TOP * (count - 1), 1.0)
                 lower, upper = heights[first + int(below)], heights[first + min(int(below) + 1, count - 1)]

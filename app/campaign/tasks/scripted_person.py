@@ -20,7 +20,8 @@ from app.pieces.inventory import Inventory, InventoryError
 from app.pieces.judging import UPRIGHT
 from app.pieces.layout import KINDS, start_layout
 from app.pieces.manipulation import transfers
-from app.pieces.position import set_up
+from app.pieces.order import Point, rearrange
+from app.pieces.position import arranged
 from app.play.hand_moves import hand_transfers
 from app.records import PlyEvent
 from app.terminal.game_display import UserInterface
@@ -31,7 +32,7 @@ from hardware.referee import PiecePose
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
-from hardware.table import Place, TableSettings, square_place
+from hardware.table import PieceSpec, Place, TableSettings, square_place
 
 BETWEEN: Final = (0.35, 0.65)  # a piece that is put half on a square stands so far on the way to the next one [squares]
 
@@ -250,7 +251,7 @@ class ScriptedPerson(UserInterface):
         return done
 
     def _legal(self, move: chess.Move) -> list[Move]:
-        ply = transfers(self._board, move, self._standing())
+        ply = transfers(self._board, move, self._standing()[0])
         return list(hand_transfers(ply.transfers, self._table))
 
     def _called(self, point: tuple[float, float]) -> str:
@@ -271,7 +272,9 @@ class ScriptedPerson(UserInterface):
         if any(pose.tilt > UPRIGHT for pose in self._poses()):
             return False
         try:
-            self._perform(hand_transfers(set_up(self._standing(), self._board), self._table))
+            stands, beside = self._standing()
+            moved = rearrange(stands, arranged(stands, self._board), seen=beside)
+            self._perform(hand_transfers(moved, self._table))
         except (*EXPECTED_FAILURES, ValueError):
             return False
         return True
@@ -282,12 +285,8 @@ class ScriptedPerson(UserInterface):
         with closing(SimReferee(self._run_dir)) as referee:
             return referee.look()[0].pieces
 
-    def _standing(self) -> Inventory:
-        """What stands where, as a person sees it."""
-        spots = {place: self._table.xy(place)
-                 for place in (*map(square_place, range(64)), *self._table.tray_places())}  # fmt: skip
-        found = [replace(self._specs[pose.name], place=_nearest((pose.x, pose.y), spots)) for pose in self._poses()]
-        return Inventory.of(found, self._table)
+    def _standing(self) -> tuple[Inventory, dict[str, Point]]:
+        return standing_now(self._poses(), self._specs, self._table)
 
     def _amiss(self) -> str | None:
         """What does not stand on the board as the game has it."""
@@ -310,9 +309,28 @@ class ScriptedPerson(UserInterface):
 
     def _beside(self, number: int = 0) -> tuple[float, float]:
         """A free place of a tray."""
-        standing = self._standing()
+        standing, _ = self._standing()
         free = [place for place in self._table.tray_places() if standing.at(place) is None]
         return self._table.xy(free[number])
+
+
+def standing_now(
+    poses: Sequence[PiecePose], specs: Mapping[str, PieceSpec], table: TableSettings
+) -> tuple[Inventory, dict[str, Point]]:
+    """What stands where, as a person sees it; and where those are, by name [m], that share a place with another.
+
+    The one that is farther from the middle counts as on the nearest place that is free.
+    """
+    free = {place: table.xy(place) for place in (*map(square_place, range(64)), *table.tray_places())}
+    nearest = {pose.name: _nearest((pose.x, pose.y), free) for pose in poses}
+    found, beside = list[PieceSpec](), dict[str, Point]()
+    for pose in sorted(poses, key=lambda one: math.dist((one.x, one.y), table.xy(nearest[one.name]))):
+        place = _nearest((pose.x, pose.y), free)
+        del free[place]
+        found.append(replace(specs[pose.name], place=place))
+        if place != nearest[pose.name]:
+            beside[pose.name] = pose.x, pose.y
+    return Inventory.of(found, table), beside
 
 
 def _nearest(point: tuple[float, float], spots: Mapping[Place, tuple[float, float]]) -> Place:

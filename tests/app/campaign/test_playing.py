@@ -27,14 +27,18 @@ from app.campaign.task import SessionPlan
 from app.campaign.tasks.relay import LossyRelay
 from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
-from app.campaign.tasks.scripted_person import ScriptedPerson
+from app.campaign.tasks.scripted_person import ScriptedPerson, standing_now
 from app.campaign.troubles import MachineTrouble
 from app.campaign.workers import worker
 from app.campaign.workers.order import Kept, TaskOrder
 from app.cli.commands import app as command_line
+from app.pieces.layout import start_layout
+from app.pieces.order import rearrange
+from app.pieces.position import arranged
 from app.records import EVENTS_FILE
 from app.settings.files import SETTINGS_FILE
 from controller.settings import CONTROLLER_FILE
+from hardware.referee import PiecePose
 from hardware.table import TableSettings
 from tests.app.played_game import PlayedGame
 from tests.waiting import until
@@ -253,3 +257,18 @@ def test_the_controller_sees_through_a_bad_link_that_a_program_was_killed(tmp_pa
                 with pytest.raises(ConnectionRefusedError):
                     tell()
             heard_of(b"second")
+
+
+def test_of_two_pieces_on_one_square_a_person_takes_the_one_that_does_not_belong_there() -> None:
+    table, board = TableSettings(), chess.Board()
+    specs = {piece.name: piece for piece in start_layout(board, table)}
+    x, y = table.xy(specs["white-king"].place)
+    at = {name: table.xy(piece.place) for name, piece in specs.items()} | {"white-pawn-e": (x + 0.004, y + 0.018)}
+    poses = [PiecePose(name, *spot, 0.0, 0.0) for name, spot in at.items()]
+    stands, beside = standing_now(poses, specs, table)
+    assert stands.find("white-king") == specs["white-king"]
+    assert beside == {"white-pawn-e": at["white-pawn-e"]}
+    (transfer,) = rearrange(stands, arranged(stands, board), seen=beside)
+    assert (transfer.name, transfer.target, transfer.grasped_at(table)) == (
+        "white-pawn-e", specs["white-pawn-e"].place, at["white-pawn-e"]
+    )  # fmt: skip

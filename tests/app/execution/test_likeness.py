@@ -25,7 +25,7 @@ def studio() -> Iterator[TableStudio]:
         yield opened
 
 
-@pytest.mark.parametrize(("seed", "square"), [(9010, chess.C2), (9029, chess.E7)])
+@pytest.mark.parametrize(("seed", "square"), [(9010, chess.C2), (9061, chess.C2), (9074, chess.G2), (9081, chess.C7)])
 def test_a_hidden_piece_that_was_knocked_over_does_not_look_as_it_did(
     studio: TableStudio, seed: int, square: int
 ) -> None:

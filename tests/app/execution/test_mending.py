@@ -71,6 +71,8 @@ class Paper:
         """This piece is in the way of the fingers on this square."""
         self.crowded: str | None = None
         """This piece is in the way of the fingers, unless it alone is carried."""
+        self.beside: str | None = None
+        """Where this piece belongs, what lies is in the way of the fingers."""
         self.wedged: str | None = None
         """This piece leans on another, which is in the way of the fingers, until it is pushed."""
         self.hemmed_in: str | None = None
@@ -110,6 +112,10 @@ class Paper:
         if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
             piece, self.crowded = inventory.find(self.crowded), None
             raise InTheWay("the fingers would touch it", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
+        if any(one.name == self.beside and one.target == inventory.find(one.name).place for one in job.transfers):
+            (piece, place), one = next(iter(self.lying.values())), inventory.find(job.transfers[0].name)
+            lies = Obstacle.at(piece.name, place, piece.kind, TABLE)
+            raise InTheWay("the fingers would touch it", lies, Obstacle.at(one.name, one.place, one.kind, TABLE))
         if self.wedged is not None:
             pieces = [self.truth.find(name) for name in ("white-pawn-c", self.wedged)]
             pawn, around = (Obstacle.at(piece.name, piece.place, piece.kind, TABLE) for piece in pieces)
@@ -189,7 +195,7 @@ class Paper:
         self.hemmed_in = self.against = None
 
     def way_for(self, blocks: str, misplaced: Any, stands: Inventory, but: Set[Place] = frozenset()) -> Transfer:
-        if self.hemmed_in == blocks or self.immovable:
+        if self.hemmed_in == blocks or self.immovable or blocks in self.lying:
             raise PlanRefused("the fingers would touch what lies there")
         squares = (place for place in map(square_place, range(63, -1, -1)) if place not in but)
         free = next(place for place in squares if stands.at(place) is None)
@@ -474,6 +480,16 @@ def test_what_a_piece_leans_on_goes_to_its_place_first(tmp_path: Path, prop: str
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.stood_up, paper.asked) == (1, [])
     assert paper.stirred == (loosened if prop == "white-rook-h" else 0)
+    assert same(paper.truth, table.inventory)
+
+
+def test_what_a_piece_leans_on_moves_away_where_the_fingers_cannot_set_it_right(tmp_path: Path) -> None:
+    """They would touch what leans on it; that is stood up before the other comes back."""
+    table, paper, record = table_of(tmp_path / "game", "rnbqkbnr/ppp1pppp/8/3p4/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 1")
+    paper.falls[0], paper.prop, paper.beside = Place.parse("d4"), "black-pawn-d", "black-pawn-d"
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.stirred, paper.asked) == (1, 0, [])
     assert same(paper.truth, table.inventory)
 
 

@@ -24,8 +24,9 @@ from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame
 from hardware.piece_set import PIECE_SHAPES
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
+from hardware.sim.render.settings import SceneState
 from hardware.table import Captured, TableSettings, square_place
-from vision.pieces.placement_faults import Fault, FaultKind
+from vision.pieces.placement_faults import Fault, FaultKind, examine_board
 from vision.reading.outcome import ReadingOutcome
 
 TABLE = TableSettings()
@@ -89,6 +90,17 @@ def test_a_knocked_piece_is_a_fault_and_a_legal_move_none(studio: TableStudio, s
     observer.read()
     kinds = {fault.kind for fault in observer.faults(stands.after(ply), beyond=math.inf)}
     assert kinds & {FaultKind.FALLEN, FaultKind.MISSING, FaultKind.FOREIGN}
+
+
+def test_a_pawn_that_leans_on_a_bishop_before_it_does_not_stand(studio: TableStudio) -> None:
+    """As one lay in a campaign: as much like a pawn as not, and the bishop's head is as high as a pawn's."""
+    poses = [PlacedPiece(piece.name, *TABLE.xy(piece.place)) for piece in start_layout(chess.Board(), TABLE)]
+    leaning = PlacedPiece("black-pawn-f", 0.0599, 0.1056, height=0.0078, yaw=-0.044, tip=-1.17)
+    expected = {piece.place.index: piece for piece in start_layout(chess.Board(), TABLE) if piece.place.on_board}
+    for seed in range(4600, 4604):
+        frame = studio.frame([leaning if one.name == leaning.name else one for one in poses], SceneState(), seed)
+        view = nominal_view(frame.intrinsics, TABLE)
+        assert [fault.square for fault in examine_board(frame, view, expected).faults] == [chess.F7]
 
 
 @pytest.mark.parametrize("seed", [4201, 4204, 4208])
