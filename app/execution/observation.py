@@ -304,7 +304,8 @@ class GameObserver(FreshFrames):
         decision = self._known.decide(look)
         known = codes_of(self._known.board)
         states, altered = look.evidence.read(known), look.evidence.altered(known)
-        finding = explain(states, self._known.board, altered)
+        likely = decision.moves[0] if len(decision.moves) == 1 else None
+        finding = explain(states, self._known.board, altered, likely, look.evidence.unsure(known))
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)

@@ -187,9 +187,10 @@ class Table:
             return False
         after = self.inventory.after(transfers(self.board, move, self.inventory))
         found = self.observer.whereabouts(after)
-        return found is not None and not (
-            found.missing or found.lying or any(not after.find(name).place.in_tray for name in found.moved)
-        )
+        if found is None or found.missing or found.lying:
+            return False
+        beside = {name for name, at in found.standing.items() if max(map(abs, at)) > 4.0 * after.table.square}
+        return all(name in beside and after.find(name).place.in_tray for name in found.moved)
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""

@@ -44,6 +44,8 @@ class _Difference:
     new: tuple[int, ...]
     turned: tuple[int, ...]
     altered: tuple[int, ...]
+    likely: chess.Move | None
+    unsure: tuple[int, ...]
 
     @property
     def squares(self) -> tuple[int, ...]:
@@ -54,11 +56,15 @@ class _Difference:
         return Diagnosis(situation, self.squares, sentence)
 
 
-def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Diagnosis:
+def explain(
+    seen: States, board: chess.Board, altered: tuple[int, ...] = (), likely: chess.Move | None = None,
+    unsure: tuple[int, ...] = (),
+) -> Diagnosis:  # fmt: skip
     """Name what is seen, by the states of squares (64,), after the last known position, with its history as far as
     known.
 
-    ``altered``: squares with a piece of the right colour that looks changed, the most changed first.
+    ``altered``: squares with a piece of the right colour that looks changed, the most changed first; ``likely``: the
+    legal move that explains most, if any does; ``unsure``: squares whose state may well be another.
     """
     expected = states_of(codes_of(board))
     difference = _Difference(
@@ -66,7 +72,7 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
         gone=_squares((expected != EMPTY) & (seen == EMPTY)),
         new=_squares((expected == EMPTY) & (seen != EMPTY)),
         turned=_squares((expected != EMPTY) & (seen != EMPTY) & (seen != expected)),
-        altered=altered,
+        altered=altered, likely=likely, unsure=unsure,
     )  # fmt: skip
     if not difference.squares:
         return Diagnosis(Situation.NOTHING, (), "nothing has changed: make your move")
@@ -80,9 +86,17 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
 def _legal(at: _Difference) -> Diagnosis | None:
     for move in _moves(at.board):
         if _shows(at, played(at.board, move)):
-            sentence = f"this looks like {at.board.san(move)}, but not clearly: was that it?"
-            return Diagnosis(Situation.LEGAL, _touched(move, at), sentence)
+            return _was_it(move, at)
     return None
+
+
+def _legal_from_out_of_sight(at: _Difference) -> Diagnosis | None:
+    """The likeliest move, which shows but for what it has left: something before that hides it."""
+    if at.likely is None:
+        return None
+    after = states_of(codes_of(played(at.board, at.likely)))
+    hidden = all(after[square] == EMPTY and square in at.unsure for square in _squares(after != at.seen))
+    return _was_it(at.likely, at) if hidden else None
 
 
 def _taken_back(at: _Difference) -> Diagnosis | None:
@@ -208,8 +222,13 @@ def _wrong_board(at: _Difference) -> Diagnosis:
 
 
 _ATTEMPTS: Final[tuple[Callable[[_Difference], Diagnosis | None], ...]] = (
-    _legal, _taken_back, _unfinished, _castled, _moved, _own_taken, _single, _two_moves,
+    _legal, _taken_back, _unfinished, _castled, _legal_from_out_of_sight, _moved, _own_taken, _single, _two_moves,
 )  # fmt: skip
+
+
+def _was_it(move: chess.Move, at: _Difference) -> Diagnosis:
+    sentence = f"this looks like {at.board.san(move)}, but not clearly: was that it?"
+    return Diagnosis(Situation.LEGAL, _touched(move, at), sentence)
 
 
 def _why_not(board: chess.Board, move: chess.Move, piece: chess.Piece) -> str:

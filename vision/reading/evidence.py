@@ -28,6 +28,7 @@ BESIDE_DEPTH: Final = 0.5
 ALTERED: Final = 4.0  # above such odds of a change another piece may stand there, if nothing else shows it [nat]
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
+SURE: Final = 0.9  # with less probability a square may well be something else; far less where another piece hides it
 MOSTLY: Final = 0.4  # a square of whose middle more than this is hidden looks like what hides it
 COVERED: Final = 0.15  # a square of whose middle another piece covers more than this is not seen as it is
 
@@ -72,6 +73,10 @@ class Evidence:
         looks, did, kept = (one[0] for one in self._terms(codes[None], before))
         as_before = np.arange(3) == states_of(before)[:, None]
         return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
+
+    def unsure(self, before: Codes) -> tuple[int, ...]:
+        """Squares whose state may well be another one than ``read`` says."""
+        return tuple(int(square) for square in np.flatnonzero(self.likelihood(before).max(axis=1) < SURE))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
         """Squares whose piece looks changed though nothing hides it: perhaps another of its side; the most first."""

@@ -778,3 +778,15 @@ def test_the_record_of_a_game_killed_while_it_mends_can_be_read(tmp_path: Path) 
             history.inventory.check_against(history.board)
     assert history.board.fen() == table.board.fen()
     assert same(history.inventory, paper.truth)
+
+
+@pytest.mark.parametrize(("x", "shown"), [(0.2, True), (0.1, False)])
+def test_a_spare_beside_its_place_shows_a_move_all_the_same_but_none_on_the_board(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, x: float, shown: bool
+) -> None:
+    table, paper, _ = table_of(tmp_path / "game")
+    spare = next(piece for piece in START if piece.place.in_tray)
+    standing = {piece.name: TABLE.xy(piece.place) for piece in START} | {spare.name: (x, 0.0)}
+    seen = Whereabouts(standing, frozenset({spare.name}), ())
+    monkeypatch.setattr(paper, "whereabouts", lambda stands: seen)
+    assert table.shows_after(chess.Move.from_uci("e2e4")) == shown

@@ -101,3 +101,23 @@ def test_a_piece_that_took_its_own_side_s_is_looked_for_where_looks_have_changed
     assert finding.squares == (chess.F1, chess.G2)
     assert "white pawn" in finding.sentence
     assert explain(seen, board, (chess.E7,)).situation is Situation.MISSING
+
+
+@pytest.mark.parametrize(
+    ("changes", "unsure", "situation"),
+    [
+        (("f1d3",), ("f1",), Situation.LEGAL),
+        (("d3+w",), ("f1",), Situation.LEGAL),
+        (("d3+w",), (), Situation.EXTRA),
+        (("d3+w",), ("d3",), Situation.EXTRA),
+        (("d3+w", "a7-"), ("f1",), Situation.WRONG_BOARD),
+        (("f1-",), ("f1", "d3"), Situation.MISSING),
+    ],
+)
+def test_a_move_whose_start_is_hidden_is_asked_for(changes, unsure, situation):
+    """Something before it may hide that it has gone; that it has come, is seen."""
+    board = position("e4 e5")
+    hidden = tuple(map(chess.parse_square, unsure))
+    finding = explain(after(board, *changes), board, (), chess.Move.from_uci("f1d3"), hidden)
+    assert finding.situation is situation
+    assert ("this looks like Bd3" in finding.sentence) == (situation is Situation.LEGAL)
