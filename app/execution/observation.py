@@ -84,7 +84,7 @@ class GameObserver(FreshFrames):
         self._assumed = False
         """Nobody has seen yet that the board shows the position that was believed to stand there."""
         self._wrong: frozenset[int] = frozenset()
-        """Squares on which something was wrong when the board was last verified, but for pieces off their centres."""
+        """Squares on which something was wrong when the board was last examined, but for pieces off their centres."""
         self._strayed: dict[str, tuple[float, float]] = {}
         """Where pieces were that did not stand where they should, by name, since the board was last right [m]."""
 
@@ -140,7 +140,7 @@ class GameObserver(FreshFrames):
             faults += tuple(low[square] for square in low.keys() - {fault.square for fault in faults}
                             if expected[square].name in righted)  # fmt: skip
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
-        self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
+        self._wrong |= self._doubted
         if not faults:
             self._strayed, self._assumed = {}, False
             self._not_there.clear()
@@ -150,8 +150,7 @@ class GameObserver(FreshFrames):
         sentence = " and ".join(fault.sentence for fault in faults)
         self._publish(ReadingOutcome.DOUBT, sentence, (fault.square for fault in faults), look)
         states = look.evidence.read(codes_of(self._known.board))
-        wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
-        for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
+        for square in examined.likeness.keys() - self._wrong:  # a piece's outline says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         for place, (colour, _) in self._told.items():
             states[place.index] = WHITE if colour is Colour.WHITE else BLACK
@@ -174,6 +173,7 @@ class GameObserver(FreshFrames):
         if examined.faults and self.deep:
             faults = known_better(examined.faults, stands, self._sightings(stands), self._heights())
             examined = replace(examined, faults=faults)
+        self._wrong = frozenset(fault.square for fault in examined.faults if fault.kind is not FaultKind.OFF_CENTRE)
         return examined
 
     def remember(self, stands: Inventory) -> None:
@@ -193,8 +193,8 @@ class GameObserver(FreshFrames):
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
     def whereabouts(self, stands: Inventory) -> Whereabouts | None:
-        """What stands where in the newest frame, and some more while that is not sure; None: it is not, or there is
-        no depth.
+        """What stands where in the newest frame, and some more while that is not sure, or outlines belie it; None: it
+        is not sure, or there is no depth.
         """
         looks = list[Sightings]()
         while self.deep and len(looks) < LOOKS:
@@ -202,10 +202,16 @@ class GameObserver(FreshFrames):
                 self.frame()
             looks.append(self._sightings(stands))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched, self._told)
-            if found is not None:
+            if found is not None and (len(looks) == LOOKS or not self._belied(found)):
                 found = behind_another(found, stands, self.last, self.view, self._not_there)
                 return found if not found.nudged else self._nudged_twice(found, stands)
         return None
+
+    def _belied(self, found: Whereabouts) -> bool:
+        """Whether depth has something lie, and a piece gone whose outline was found to stand where it should: in a
+        hundred looks once or so it has a piece too low.
+        """
+        return bool(found.lying) and not self._wrong.issuperset(piece.place.index for piece in found.missing)
 
     def note_not_there(self, name: str) -> None:
         """The arm has not found a piece where it was taken to be."""
@@ -304,8 +310,7 @@ class GameObserver(FreshFrames):
         decision = self._known.decide(look)
         known = codes_of(self._known.board)
         states, altered = look.evidence.read(known), look.evidence.altered(known)
-        likely = decision.moves[0] if len(decision.moves) == 1 else None
-        finding = explain(states, self._known.board, altered, likely, look.evidence.unsure(known))
+        finding = explain(states, self._known.board, altered, decision.move, look.evidence.unsure(known))
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)

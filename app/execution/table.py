@@ -19,7 +19,7 @@ from app.execution.carrier import Begun, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, goal_of
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply
-from app.pieces.judging import Verdict, judge, most_off_centre
+from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
 from app.pieces.position import set_up
@@ -165,32 +165,6 @@ class Table:
         """What the newest frame shows to be wrong although the position is the same; as ``GameObserver.faults``."""
         beyond = 0.0 if centres else math.inf
         return () if self.observer is None else self.observer.faults(self.inventory, beyond=beyond)
-
-    def badly_set(self, move: chess.Move, *, said: bool) -> tuple[Fault, ...]:
-        """What the newest frame shows to be wrong with the pieces that this move would have set down.
-
-        A piece that was knocked over and lies on another square looks like a move; with depth it does not stand. One
-        that was left half way to the next square often looks like one, too: unless they ``said`` that it is theirs.
-        """
-        if self.observer is None:
-            return ()
-        ply = transfers(self.board, move, self.inventory)
-        after = self.inventory.after(ply)
-        squares = {one.target.index for one in ply.transfers if one.target.on_board}
-        beyond = math.inf if said else most_off_centre(after.table)
-        faults = self.observer.faults(after, beyond=beyond, exchanges=False)
-        return tuple(fault for fault in faults if fault.square in squares)
-
-    def shows_after(self, move: chess.Move) -> bool:
-        """Whether depth shows every piece of the board where it stands after a move, however little squares tell."""
-        if self.observer is None or not self.observer.deep:
-            return False
-        after = self.inventory.after(transfers(self.board, move, self.inventory))
-        found = self.observer.whereabouts(after)
-        if found is None or found.missing or found.lying:
-            return False
-        beside = {name for name, at in found.standing.items() if max(map(abs, at)) > 4.0 * after.table.square}
-        return all(name in beside and after.find(name).place.in_tray for name in found.moved)
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""

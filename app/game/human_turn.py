@@ -22,6 +22,7 @@ from app.game.complaints import FORBEARANCE, Complaints
 from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
 from app.game.remote_turn import ANY_TIME, RemoteTurn
+from app.game.set_down import badly_set, shows_after
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
@@ -311,20 +312,20 @@ class HumanTurn:
         if decision.verdict is ReadingOutcome.NOTHING:
             self._complaints.of_disturbed(centres=False)
             return None
-        sure = decision.verdict is ReadingOutcome.MOVE
-        if sure or finding.situation is Situation.LEGAL:
-            move = decision.moves[0]
+        sure, move = decision.verdict is ReadingOutcome.MOVE, decision.move
+        if move is not None and (sure or finding.situation is Situation.LEGAL):
             there = (move.from_square, move.to_square)  # what it promotes to is not always seen
             theirs = said is not None and (said.from_square, said.to_square) == there
-            if faults := self._table.badly_set(move, said=theirs):
+            possible = (said,) if said is not None and theirs else decision.possible
+            if faults := badly_set(self._table, possible, said=theirs):
                 self._complaints.of_faults(faults)
                 return None
-            if not (sure or (move.promotion is None and self._table.shows_after(move))):
-                return self._ask_move(move, said, then, reading)
             if decision.promotion_unsure:
-                move = chess.Move(move.from_square, move.to_square, self._promotion(said))
+                move = chess.Move(move.from_square, move.to_square, self._promotion(said if theirs else None))
+            if not (sure or (move.promotion is None and shows_after(self._table, move))):
+                return self._ask_move(move, said, then, reading)
             return self._accept(move, then, reading)
-        if finding.situation is not Situation.NOTHING:
+        if finding.situation not in (Situation.NOTHING, Situation.LEGAL):
             self._complaints.of_finding(finding)
         elif not self._complaints.of_disturbed(centres=True):
             self._ui.say("I am not sure what I see: make your move, or say 'fix' and the arm checks the board")

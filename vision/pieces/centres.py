@@ -76,11 +76,11 @@ def on_squares(expected: Mapping[int, PieceSpec]) -> dict[Place, PieceSpec]:
 
 def centres_of(fit: Fit) -> dict[Place, Centre]:
     """What a fit says of each piece."""
-    support, agreement, seen = fit.support().tolist(), fit.agreement().tolist(), fit.in_sight().tolist()
-    low = fit.too_low().tolist()
+    support, agreement = fit.support(), fit.agreement()
+    each = (support, agreement, fit.in_sight(), fit.too_low(support, agreement))
     return {
         place: Centre(x, y, (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5, *judged)
         for place, (x, y), spread, *judged in zip(
-            fit.stands, fit.places.tolist(), fit.spread.tolist(), support, agreement, seen, low, strict=True
+            fit.stands, fit.places.tolist(), fit.spread.tolist(), *(one.tolist() for one in each), strict=True
         )
     }

@@ -262,11 +262,12 @@ class Fit:
         """Share of each outline that no other piece hides or touches, (n,)."""
         return np.asarray(self.edges.open.mean(axis=1))
 
-    def too_low(self) -> Mask:
+    def too_low(self, support: Array, agreement: Array) -> Mask:
         """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).
 
         Half way between what stands and what lies; false where there is no depth, or too little of the piece. Of one
-        that is in doubt what is higher than the piece itself does not count: it belongs to what stands before it.
+        that is in doubt, by its support and agreement, what is higher than the piece itself does not count: it belongs
+        to what stands before it.
         """
         low = np.zeros(len(self.stands), dtype=bool)
         if self.rises is None or not self.stands:
@@ -274,7 +275,7 @@ class Fit:
         within = (self.owner > 0) & (self.rises > FLAT) & (self.rises < _HIGHEST)
         # heights are far below 1 m: sorted with their piece's number before the point, each piece's are together
         heights = np.sort(self.owner[within] + self.rises[within].astype(float))
-        doubted = (self.support() < _SUPPORTED) | (self.agreement() < _AGREED)
+        doubted = (support < _SUPPORTED) | (agreement < _AGREED)
         highest = np.array([PIECE_SHAPES[kind].height + _BLUR for kind in self.kinds])
         numbers = np.arange(1, len(self.stands) + 1)
         starts = np.searchsorted(heights, numbers)

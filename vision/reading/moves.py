@@ -21,6 +21,7 @@ from vision.reading.evidence import Codes, Evidence, codes_of
 from vision.reading.outcome import ReadingOutcome
 
 Line = tuple[chess.Move, ...]
+PROMOTIONS: Final = (chess.QUEEN, chess.ROOK, chess.BISHOP, chess.KNIGHT)  # what a pawn may become
 MARGIN: Final = 6.0  # by which a move must be better explained than any other legal one: e⁶ ≈ 400 times as likely [nat]
 ELSEWHERE: Final = 4.0
 """By which a square that the move leaves alone must be explained better than by anything else standing there: e⁴ ≈ 50
@@ -44,6 +45,19 @@ class MoveReading:
     margin: float  # what is left of the margins, in natural logarithms; negative in doubt
     squares: tuple[int, ...]  # those that speak against ``moves``, the loudest first
     promotion_unsure: bool = False  # the promoted piece was not seen; a queen is written
+
+    @property
+    def move(self) -> chess.Move | None:
+        """The one that ``moves`` are; None: they are none, or several."""
+        return self.moves[0] if len(self.moves) == 1 else None
+
+    @property
+    def possible(self) -> tuple[chess.Move, ...]:
+        """What ``move`` may have been, the likeliest first: a pawn may have become any piece where it was not seen."""
+        if self.move is None:
+            return ()
+        kinds = PROMOTIONS if self.promotion_unsure else (self.move.promotion,)
+        return tuple(chess.Move(self.move.from_square, self.move.to_square, kind) for kind in kinds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

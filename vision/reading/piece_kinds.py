@@ -10,10 +10,8 @@ import numpy as np
 
 from vision.arrays import Array
 from vision.reading.evidence import Codes
-from vision.reading.moves import MoveReading
-from vision.reading.outcome import ReadingOutcome
+from vision.reading.moves import PROMOTIONS, MoveReading
 
-CHOICES: Final = (chess.QUEEN, chess.ROOK, chess.BISHOP, chess.KNIGHT)
 SPREAD: Final = 0.0015
 """Standard deviation of a height as seen [m]; what a D435 errs by over a piece's head at 0.6 m."""
 CLEAR: Final = 3.0  # a kind is known where every other is so many standard deviations less likely
@@ -42,21 +40,20 @@ class KindClassifier:
 
         Heights are those in the look; None: it has no depth.
         """
-        if decision.verdict is not ReadingOutcome.MOVE or not any(move.promotion for move in decision.moves):
+        if not any(move.promotion for move in decision.moves):
             return decision
-        kind = None
-        if heights is not None and len(decision.moves) == 1:
-            kind = self._kind(float(heights[decision.moves[0].to_square]))
-        if kind is None:
+        move, kind = decision.move, None
+        if heights is not None and move is not None:
+            kind = self._kind(float(heights[move.to_square]))
+        if kind is None or move is None:
             return replace(decision, promotion_unsure=True)
-        (move,) = decision.moves
         return replace(decision, moves=(chess.Move(move.from_square, move.to_square, kind),))
 
     def _kind(self, height: float) -> int | None:
         """The kind so high, if it is clear; a pawn that still stands there is none. A third king it cannot be."""
         known = {kind: height for kind, height in self.heights().items() if kind != chess.KING}
-        if not set(CHOICES) <= set(known):
+        if not set(PROMOTIONS) <= set(known):
             return None
         off = sorted((abs(height - known[kind]) / SPREAD, kind) for kind in known)
         (nearest, kind), (second, _) = off[0], off[1]
-        return kind if kind in CHOICES and nearest < CLEAR and second - nearest > CLEAR else None
+        return kind if kind in PROMOTIONS and nearest < CLEAR and second - nearest > CLEAR else None

@@ -27,6 +27,7 @@ from app.execution.repair import BoardObservation, Whereabouts
 from app.execution.state import AwaitedReply, Devices, Job, Position, Told
 from app.execution.table import Table
 from app.game.person import NeedsHand, UnattendedAsker
+from app.game.set_down import shows_after
 from app.motion import MotionSettings
 from app.motion.obstacles import Obstacle
 from app.motion.plan import InTheWay, PlanRefused
@@ -789,4 +790,4 @@ def test_a_spare_beside_its_place_shows_a_move_all_the_same_but_none_on_the_boar
     standing = {piece.name: TABLE.xy(piece.place) for piece in START} | {spare.name: (x, 0.0)}
     seen = Whereabouts(standing, frozenset({spare.name}), ())
     monkeypatch.setattr(paper, "whereabouts", lambda stands: seen)
-    assert table.shows_after(chess.Move.from_uci("e2e4")) == shown
+    assert shows_after(table, chess.Move.from_uci("e2e4")) == shown

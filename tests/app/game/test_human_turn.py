@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import chess
 import pytest
 
-from app.game import GameEnd
+from app.game import GameEnd, human_turn
 from app.game.human_turn import HumanTurn
 from hardware.interfaces import HardwareError, RigGone
+from vision.reading.moves import MoveReading
 from vision.reading.outcome import ReadingOutcome, Situation
 
 PUSHED, PROMOTED = "e2e4", "a7a8q"
 
 
 class Turn(HumanTurn):
-    """A turn whose table says of every piece that it is badly set, unless it hears that somebody means it so."""
+    """A turn in which every piece is badly set, unless somebody means it so, or else it ``fits``."""
 
-    def __init__(self) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, fits: bool = False) -> None:
+        monkeypatch.setattr(human_turn, "badly_set", self.badly_set)
+        self.fits = fits
         self.meant, self.accepted, self.complained = list[bool](), list[chess.Move](), 0
-        self._table: Any = SimpleNamespace(badly_set=self._badly_set)
+        self.asked = list[str]()
+        self._table: Any = SimpleNamespace(board=chess.Board("7k/P7/8/8/8/8/8/K7 w - - 0 1"))
         self._complaints: Any = SimpleNamespace(of_faults=self._complain)
 
-    def _badly_set(self, move: chess.Move, *, said: bool) -> tuple[str, ...]:
+    def badly_set(self, table: Any, moves: Sequence[chess.Move], *, said: bool) -> tuple[str, ...]:
+        self.asked = [move.uci() for move in moves]
         self.meant.append(said)
-        return () if said else ("it stands half way",)
+        return () if said or self.fits else ("it stands half way",)
 
     def _complain(self, faults: tuple[str, ...]) -> None:
         self.complained += 1
@@ -47,15 +53,32 @@ class Turn(HumanTurn):
     ],
 )
 def test_a_piece_that_stands_far_off_counts_where_this_very_move_was_typed(
-    typed: str | None, seen: str, counts: bool
+    monkeypatch: pytest.MonkeyPatch, typed: str | None, seen: str, counts: bool
 ) -> None:
-    turn, move = Turn(), chess.Move.from_uci(seen)
-    decision = SimpleNamespace(verdict=ReadingOutcome.MOVE, moves=(move,), promotion_unsure=move.promotion is not None)
+    turn, move = Turn(monkeypatch), chess.Move.from_uci(seen)
+    decision = MoveReading(ReadingOutcome.MOVE, (move,), 1.0, 1.0, (), promotion_unsure=move.promotion is not None)
     reading: Any = SimpleNamespace(decision=decision, finding=SimpleNamespace(situation=Situation.LEGAL))
     turn._judge(reading, None if typed is None else chess.Move.from_uci(typed), 0.0)
     assert turn.meant == [counts]
+    assert turn.asked[0] == (typed if counts else seen), "whether that stands well"
     assert [one.uci() for one in turn.accepted] == ([typed] if counts else []), "and it promotes to what was typed"
     assert turn.complained == (not counts)
+
+
+@pytest.mark.parametrize("verdict", [ReadingOutcome.MOVE, ReadingOutcome.DOUBT])
+def test_a_pawn_may_have_become_any_piece_until_it_is_told_which(
+    monkeypatch: pytest.MonkeyPatch, verdict: ReadingOutcome
+) -> None:
+    """A rook does not look like a queen that stands, so that the queen's outline alone would refuse it."""
+    turn = Turn(monkeypatch, fits=True)
+    turn._questions = cast(
+        Any, SimpleNamespace(promotion=lambda _: chess.ROOK, yes=lambda question, *_: "=R" in question)
+    )
+    decision = MoveReading(verdict, (chess.Move.from_uci(PROMOTED),), 1.0, 1.0, (), promotion_unsure=True)
+    reading: Any = SimpleNamespace(decision=decision, finding=SimpleNamespace(situation=Situation.LEGAL))
+    turn._judge(reading, None, 0.0)
+    assert turn.asked == ["a7a8q", "a7a8r", "a7a8b", "a7a8n"]
+    assert [one.uci() for one in turn.accepted] == ["a7a8r"]
 
 
 class Listening(HumanTurn):

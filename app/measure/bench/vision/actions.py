@@ -269,8 +269,7 @@ def _judge(reader: BoardReader, before: KnownPicture, scene: Scene, hands: Clums
     known = codes_of(board)
     expected = {piece.place.index: piece for piece in start_layout(board, hands.settings) if piece.place.on_board}
     seen = look.evidence.read(known)
-    likely = decision.moves[0] if len(decision.moves) == 1 else None
-    finding = explain(seen, board, look.evidence.altered(known), likely, look.evidence.unsure(known))
+    finding = explain(seen, board, look.evidence.altered(known), decision.move, look.evidence.unsure(known))
     named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, reader.view), expected).squares)
     if not hands.touched <= named:
         named |= {fault.square for fault in examine_board(frame, reader.view, expected).faults}
