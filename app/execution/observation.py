@@ -208,10 +208,10 @@ class GameObserver(FreshFrames):
         return None
 
     def _belied(self, found: Whereabouts) -> bool:
-        """Whether depth has something lie, and a piece gone whose outline was found to stand where it should: in a
-        hundred looks once or so it has a piece too low.
+        """Whether depth has a piece of the board lie where by outlines all stand: in a hundred looks once or so what
+        stands is too wide for depth.
         """
-        return bool(found.lying) and not self._wrong.issuperset(piece.place.index for piece in found.missing)
+        return bool(found.lying and found.missing) and not self._wrong
 
     def note_not_there(self, name: str) -> None:
         """The arm has not found a piece where it was taken to be."""

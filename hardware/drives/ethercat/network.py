@@ -35,7 +35,7 @@ _ACTIVE: Final = 300e-6
 _WATCHDOG_OFF: Final = 0.0002
 """A watchdog that differs by more from what was asked for has not been set [s]; its steps are 0.1 ms."""
 _ATTEMPTS: Final = 3
-"""To set the devices up, where a frame was lost meanwhile."""
+"""To set the devices up, where a frame or an answer was lost meanwhile."""
 _TRIES: Final = 10
 """A register is asked for so often: where every third frame is lost, one of 60,000 is not read."""
 _OUTPUT_CONTROL, _TRIGGER, _RX_ERRORS = 0x0814, 0x40, 0x0300
@@ -79,6 +79,12 @@ def load_pysoem() -> Any:
     return pysoem
 
 
+class OtherSizes(HardwareError):
+    """A device's process data are not as large as its preset's: it is another device, or its answer about its mapping
+    was lost, so that the master went by what its EEPROM says.
+    """
+
+
 class Network:
     """All devices of a cable, in OP; raises ``HardwareError`` where one is not as the settings say.
 
@@ -112,13 +118,16 @@ class Network:
     # the start
 
     def _set_up(self, parameters: RobotParameters) -> None:
-        """From wherever the devices are to OP: from the beginning again where a frame was lost on its way."""
+        """From wherever the devices are to OP: from the beginning again where a frame, or an answer, was lost."""
         for left in reversed(range(_ATTEMPTS)):
             try:
                 self._find()
                 self._configure(parameters)
                 self._start()
                 return
+            except OtherSizes:
+                if not left:
+                    raise
             except self._soem.WkcError as error:
                 if left:
                     continue
@@ -200,7 +209,7 @@ class Network:
                 ("gives", inputs.get(device, DRIVE_INPUTS.packed.size), len(slave.input)),
             ):
                 if wanted is not None and wanted != found:
-                    raise HardwareError(
+                    raise OtherSizes(
                         f"{device} ({slave.name}, device {place + 1} on the cable) {what} {found} bytes of process "
                         f"data, {wanted} are needed: correct the chain, or choose another preset"
                     )
