@@ -82,20 +82,23 @@ class Clearing:
         freed, self._freed = self._freed, None
         return [] if freed is None or freed.target not in missing else [freed]
 
-    def prop(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | None:
-        """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
+    def prop(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | bool:
+        """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now; if the
+        fingers do not get at it because of the first, one of the two is pushed aside. As ``way``.
+        """
         name = leant_on(one, misplaced, stands)
         stray = next((each for each in misplaced if each.piece.name == name and not each.lies), None)
         if name is None or stands.find(name).place.in_box:
-            return None
+            return False
         try:
             transfer = (
                 self._carrier.way_for(name, misplaced, stands)
                 if stray is None
                 else Transfer.of(stray.piece, stray.target, (stray.pose.x, stray.pose.y))
             )
-        except PlanRefused:
-            return None
+        except PlanRefused as refused:
+            both = isinstance(refused, InTheWay) and refused.piece.name == one.piece.name
+            return both and self._push([Blocked(one.piece.name, name)], misplaced, stands)
         return Repair(stands, (transfer,), f"{_called(stands, name)}, on which it leans, goes first")
 
     def way(self, refusals: Refusals, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | bool:

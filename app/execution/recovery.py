@@ -316,8 +316,8 @@ class Recovery:
         if not self._tried[name]:
             return False
         away = self._clearing.prop(one, misplaced, stands)
-        if away is not None or self._tried[name] // SWUNG_AFTER <= self._swung[name]:
-            return away or False
+        if away or self._tried[name] // SWUNG_AFTER <= self._swung[name]:
+            return away
         self._swung[name] += 1
         return self._clearing.swing(one, misplaced, stands)
 

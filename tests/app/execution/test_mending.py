@@ -494,6 +494,26 @@ def test_what_a_piece_leans_on_moves_away_where_the_fingers_cannot_set_it_right(
     assert same(paper.truth, table.inventory)
 
 
+@pytest.mark.parametrize(("in_the_way", "pushed"), [("black-queen", 1), ("black-rook-a", 0)])
+def test_of_what_lies_and_what_it_leans_on_one_is_pushed_where_the_first_keeps_the_fingers_from_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_the_way: str, pushed: int
+) -> None:
+    """As a queen lay with her foot on that of a pawn: turned at her head, she would lie there for ever."""
+    table, paper, _ = table_of(tmp_path / "game")
+    queen, (x, y) = paper.truth.find("black-queen"), TABLE.xy(Place.parse("d7"))
+    lies = MisplacedPiece(queen, queen.place, Pose(x - 0.02, y, yaw=math.radians(-60.0)))
+
+    def refuse(name: str, misplaced: Any, stands: Inventory) -> Transfer:
+        assert name == "black-pawn-d"
+        piece = stands.find(in_the_way)
+        raise InTheWay("the fingers would touch it", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
+
+    monkeypatch.setattr(paper, "way_for", refuse)
+    assert table._recovery is not None
+    assert table._recovery._clearing.prop(lies, [lies], paper.truth) is bool(pushed)
+    assert paper.pushed == pushed
+
+
 @pytest.mark.parametrize("visits", [1, 3])
 def test_what_a_hand_does_before_the_arm_begins_is_seen_first(tmp_path: Path, visits: int) -> None:
     """The ply is made all the same, once, and what the hand has moved is put back."""
