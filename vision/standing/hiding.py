@@ -1,4 +1,4 @@
-"""Squares that look empty, where something may stand behind another piece."""
+"""Places that look empty, where something may stand behind another piece."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SIDES: Final = (Colour.WHITE, Colour.BLACK)  # in the order of ``Fit.maps``
 
 
 def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Place, Colour | None]:
-    """Those of some squares that look empty where a pawn might stand all the same, and of which side: it looks so past
+    """Those of some places that look empty where a pawn might stand all the same, and of which side: it looks so past
     what hides it; None: nothing of it would be seen. ``fit`` is of all pieces that are seen.
     """
     found = dict[Place, Colour | None]()
@@ -50,7 +50,7 @@ def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Pla
             peeps[colour] = int(statistics[1:, cv2.CC_STAT_AREA].max(initial=0))
         if in_sight < _HALF_HIDDEN and max(peeps.values()) >= _PEEPS:
             found[place] = max(peeps, key=peeps.__getitem__)
-        elif max(looks) > _LOOKS_LIKE_ONE:
+        elif max(looks) > _LOOKS_LIKE_ONE and place.on_board:  # in some lights marks of a tray's places look so, too
             found[place] = _SIDES[int(np.argmax(looks))]
         elif mine.size < _HIDDEN * pixels.size:
             found[place] = None

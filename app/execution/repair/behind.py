@@ -33,9 +33,13 @@ def behind_another(
     (gone,) = found.missing
     expected = {piece.place: piece for piece in believed if not piece.place.in_box}
     fit = Fit(frame, view, expected, use_depth=True, around=around_board(view, trays=True))
-    empty = [place for place in map(square_place, range(64)) if place not in expected]
-    peeps = [place for place, side in hiding_places(empty, fit, view).items() if side is gone.colour]
-    if len(peeps) != 1:
-        return found
-    standing = {**found.standing, gone.name: stands.table.xy(peeps[0])}
-    return replace(found, standing=standing, moved=found.moved | {gone.name}, missing=())
+    # rather on the board: in a tray about one free place in a hundred looks so, and most places there are free
+    for places in (map(square_place, range(64)), stands.table.tray_places()):
+        hiding = hiding_places([place for place in places if place not in expected], fit, view)
+        peeps = [place for place, side in hiding.items() if side is gone.colour]
+        if len(peeps) == 1:
+            standing = {**found.standing, gone.name: stands.table.xy(peeps[0])}
+            return replace(found, standing=standing, moved=found.moved | {gone.name}, missing=())
+        if peeps:
+            break
+    return found
