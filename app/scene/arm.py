@@ -15,7 +15,7 @@ import numpy as np
 from app.scene.solids import Cuboid, Finish, RoundBar, Solid
 from controller.model.constants import DeltaModel
 from controller.model.reach import tool_point_at
-from controller.model.vectors import combine, minus, turn
+from controller.model.vectors import combine, turn
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 
@@ -141,27 +141,12 @@ def finger_solids(parameters: RobotParameters, side: int) -> tuple[Solid, ...]:
     return bar, pad
 
 
-def arm_solids(parameters: RobotParameters, joints: ArmJoints, finger: float) -> tuple[Solid, ...]:
-    """All of the robot in a pose, base frame; ``finger``: from a pad's front edge to the tool point [m]."""
-    parts: list[Solid] = [*base_solids(parameters), *leg_solids(joints)]
-    parts += [moved(solid, joints.tool) for solid in tool_solids(parameters)]
-    for side in (1, -1):
-        at = combine(joints.tool, side * finger, (1.0, 0.0, 0.0))
-        parts += [moved(solid, at) for solid in finger_solids(parameters, side)]
-    return tuple(parts)
-
-
 def moved(solid: Solid, by: Triple) -> Solid:
     """The same solid elsewhere [m]."""
     if isinstance(solid, Cuboid):
         return Cuboid(combine(solid.centre, 1.0, by), solid.size, solid.finish)
     start, end = combine(solid.start, 1.0, by), combine(solid.end, 1.0, by)
     return RoundBar(start, end, solid.radius, solid.finish, solid.end_radius)
-
-
-def rod_length(joints: ArmJoints, arm: int) -> float:
-    """From elbow to wrist of an arm (0, 1, 2) [m]."""
-    return math.hypot(*minus(joints.wrists[arm], joints.elbows[arm]))
 
 
 def _three(points: list[Triple]) -> tuple[Triple, Triple, Triple]:

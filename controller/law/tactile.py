@@ -23,11 +23,6 @@ Pair = tuple[float, float]
 """Of the right (+z1) and of the left (-z1) pad [N], as the drives' measurement and the law have it."""
 
 
-def tactile_acceleration(gain: float, sensed: Pair) -> float:
-    """What the loop adds to v1 of (21): k* (s_right - s_left) [m/s²], k* in 1/kg."""
-    return gain * (sensed[0] - sensed[1])
-
-
 def force_on_tool(forces: Pair) -> float:
     """What the arm feels along z1 of forces on the pads [N]."""
     return forces[0] - forces[1]
@@ -36,11 +31,6 @@ def force_on_tool(forces: Pair) -> float:
 def sensor_rate(output: float, force: float, bandwidth: float) -> float:
     """ṡ of a sensor: first-order low-pass with bandwidth k_s [rad/s] [N/s]."""
     return bandwidth * (force - output)
-
-
-def sensor_step(output: float, force: float, bandwidth: float, duration: float) -> float:
-    """The sensor's output after a force was constant for a duration [s], exactly [N]."""
-    return force + (output - force) * math.exp(-bandwidth * duration)
 
 
 def motor_force(gripper: Gripper, asked: float, velocity: float) -> float:

@@ -13,10 +13,8 @@ acceleration J̇_c ẏ follows from d_i·z̈ = -l1 ẏ_i² d_i·p_i - |ż - l1 e
 
 import math
 
-import numpy as np
-
 from controller.model.compiled import FloatArray, Vector, compiled
-from controller.model.constants import DISTAL, DISTAL_MASS, PROXIMAL, DeltaModel
+from controller.model.constants import DISTAL, DISTAL_MASS, PROXIMAL
 from controller.model.dynamics import moving_mass
 from controller.model.kinematics import Triad, triad
 from controller.model.vectors import combine, dot, times, turn
@@ -83,16 +81,3 @@ def velocity_torque(
         jacobian[0, 1] * force[0] + jacobian[1, 1] * force[1] + jacobian[2, 1] * force[2] + b * dot(e[1], drift),
         jacobian[0, 2] * force[0] + jacobian[1, 2] * force[1] + jacobian[2, 2] * force[2] + c * dot(e[2], drift),
     )
-
-
-def arm_hessian(model: DeltaModel, arm: int, q: FloatArray) -> FloatArray:
-    """∂²psi_i/∂q_i², shape (3, 3, 3), component first, of arm 0, 1 or 2 with angles q, shape (3,) [m/rad²]."""
-    l1, l2 = model.constants[PROXIMAL], model.constants[DISTAL]
-    d, a, n = (np.array(w) for w in triad(arm, float(q[1]), float(q[2])))
-    s2, c2 = np.sin(q[1]), np.cos(q[1])
-    hessian = np.zeros((3, 3, 3))
-    hessian[:, 0, 0] = -l1 * np.array(proximal_direction(arm, float(q[0])))
-    hessian[:, 1, 1] = -l2 * d
-    hessian[:, 1, 2] = hessian[:, 2, 1] = l2 * c2 * n
-    hessian[:, 2, 2] = -l2 * s2 * (s2 * d + c2 * a)
-    return hessian

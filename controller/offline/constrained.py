@@ -11,7 +11,7 @@ from controller.model.compiled import FloatArray
 from controller.model.constants import COULOMB, DISTAL, PROXIMAL, VISCOUS, DeltaModel
 from controller.model.dynamics import arm_coriolis, arm_gravity, arm_inertia, shaft_friction
 from controller.model.kinematics import arm_tool_point, elbow, triad
-from controller.model.second_order import arm_drift, arm_hessian
+from controller.model.second_order import arm_drift
 
 MEASURED = np.array([0, 3, 6])
 UNMEASURED = np.array([1, 2, 4, 5, 7, 8])
@@ -161,17 +161,6 @@ def velocity_torque(model: DeltaModel, q: FloatArray, v: FloatArray) -> FloatArr
     drift = acceleration_at(model, q, v, np.zeros(3))
     projected = tangent(model, q).T @ (coriolis_torque(model, q, v) + inertia_matrix(model, q) @ drift)
     return np.asarray(projected, dtype=np.float64)
-
-
-def constraint_hessian(model: DeltaModel, q: FloatArray) -> FloatArray:
-    """∂²h/∂q², shape (6, 9, 9), component of h first [m/rad²]."""
-    hessian = np.zeros((6, 9, 9))
-    for arm in range(3):
-        own = slice(3 * arm, 3 * arm + 3)
-        block = arm_hessian(model, arm, q[own])
-        for row in range(2):
-            hessian[3 * row : 3 * row + 3, own, own] = _SIGNS[arm][row] * block
-    return hessian
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:

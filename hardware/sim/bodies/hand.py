@@ -279,9 +279,3 @@ def add_hand(spec: mujoco.MjSpec, side: Colour) -> None:
         spec.add_sensor(
             name=name, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name
         )
-
-
-def felt_force(skin: tuple[float, float, float]) -> float:
-    """What the hand feels [N] where its spring is pressed in so far along x, y and z [m]; less the skin's weight."""
-    x, y, z = skin
-    return STIFFNESS * math.hypot(x, y, z + SKIN_MASS * GRAVITY / STIFFNESS)

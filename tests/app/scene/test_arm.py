@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.scene.arm import arm_joints, arm_solids, finger_solids, leg_solids, rod_length, tool_solids
+from app.scene.arm import ArmJoints, arm_joints, finger_solids, leg_solids, tool_solids
 from app.scene.solids import Cuboid, RoundBar
 from controller.model.constants import DeltaModel
 from controller.model.reach import PoseError, posture_at
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.arm import add_arm
+from tests.app.scene.posed import arm_solids
 
 PARAMETERS = load_parameters()
 MODEL = DeltaModel(PARAMETERS)
@@ -28,6 +29,10 @@ POINTS = (st.floats(-0.17, 0.17), st.floats(-0.15, 0.15), st.floats(0.30, 0.44))
 def angles_at(*point: float) -> Triple:
     a, b, c = posture_at(MODEL, np.array(point)).y.tolist()
     return a, b, c
+
+
+def rod_lengths(joints: ArmJoints) -> list[float]:
+    return [math.dist(wrist, elbow) for wrist, elbow in zip(joints.wrists, joints.elbows, strict=True)]
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +70,7 @@ def test_joints_lie_where_the_simulation_has_them(
 @given(*POINTS)
 def test_rods_are_as_long_as_the_robots(x: float, y: float, z: float) -> None:
     joints = arm_joints(MODEL, angles_at(x, y, z))
-    for arm in range(3):
-        assert rod_length(joints, arm) == pytest.approx(PARAMETERS.geometry.distal_length, abs=1e-9)
+    assert rod_lengths(joints) == pytest.approx([PARAMETERS.geometry.distal_length] * 3, abs=1e-9)
     bars = leg_solids(joints)
     lengths = sorted({round(math.dist(bar.start, bar.end), 9) for bar in bars})
     assert PARAMETERS.geometry.distal_length in lengths
@@ -111,4 +115,4 @@ def test_another_robot_is_drawn_with_its_own_lengths() -> None:
     model = DeltaModel(RobotParameters.model_validate(longer))
     a, b, c = posture_at(model, np.array([0.0, 0.0, 0.45])).y.tolist()
     joints = arm_joints(model, (a, b, c))
-    assert [rod_length(joints, arm) for arm in range(3)] == pytest.approx([0.45] * 3)
+    assert rod_lengths(joints) == pytest.approx([0.45] * 3)

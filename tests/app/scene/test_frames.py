@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.rig.simulation.nominal_view import nominal_pose
-from app.scene.arm import arm_joints, arm_solids
+from app.scene.arm import arm_joints
 from app.scene.frames import BOARD, FramePose, fixed_frames, moving_frames, quaternion_of, robot_solids, turned_by
 from app.scene.solids import Cuboid, RoundBar
 from controller.model.constants import DeltaModel
@@ -18,6 +18,7 @@ from controller.model.reach import posture_at
 from hardware.interfaces import Triple
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
+from tests.app.scene.posed import arm_solids
 
 PARAMETERS = load_parameters()
 MODEL = DeltaModel(PARAMETERS)

@@ -10,7 +10,7 @@ from controller.model.constants import DeltaModel
 from controller.model.dynamics import joint_inertia
 from controller.model.kinematics import arm_directions
 from controller.model.reach import jacobians_at, posture_at, tool_point_at
-from controller.model.second_order import arm_hessian, tool_drift, velocity_torque
+from controller.model.second_order import arm_drift, tool_drift, velocity_torque
 from controller.offline import constrained
 from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
@@ -51,28 +51,30 @@ def random_angles(count: int) -> list[FloatArray]:
 
 
 @pytest.mark.parametrize("arm", [0, 1, 2])
-def test_arm_hessian_is_the_complex_step_of_the_printed_jacobian(arm: int) -> None:
+def test_arm_drift_is_the_complex_step_of_the_printed_jacobian(arm: int) -> None:
+    random = np.random.default_rng(6)
     for q in random_angles(50):
         np.testing.assert_allclose(constrained.arm_jacobian(MODEL, arm, q), printed_jacobian(arm, q), atol=1e-15)
         slopes = [printed_jacobian(arm, q + 1j * COMPLEX_STEP * u).imag / COMPLEX_STEP for u in np.eye(3)]
-        np.testing.assert_allclose(arm_hessian(MODEL, arm, q), np.stack(slopes, axis=2), rtol=0, atol=1e-15)
+        v = random.uniform(-5.0, 5.0, 3)
+        drift = np.einsum("kij,i,j->k", np.stack(slopes, axis=2), v, v)
+        written = arm_drift(MODEL.constants, arm, tuple(q.tolist()), tuple(v.tolist()))
+        np.testing.assert_allclose(written, drift, rtol=0, atol=1e-13)
 
 
-def test_constraint_hessian_against_differences_and_without_mixed_terms() -> None:
+def test_constraint_drift_against_differences_and_without_mixed_terms() -> None:
     """(17) needs no ẏ-ẋ term: psi_i is a part in q_i1 plus a part in the others."""
     random = np.random.default_rng(1)
     for _ in range(20):
         q, v = np.concatenate(random_angles(3)), random.uniform(-5.0, 5.0, 9)
-        hessian = constrained.constraint_hessian(MODEL, q)
         slopes = [
             constrained.constraint_jacobian(MODEL, q + STEP * u) - constrained.constraint_jacobian(MODEL, q - STEP * u)
             for u in np.eye(9)
         ]
-        np.testing.assert_allclose(hessian, np.stack(slopes, axis=2) / (2.0 * STEP), rtol=0, atol=1e-10)
-        np.testing.assert_array_equal(hessian, hessian.transpose(0, 2, 1))
-        assert not hessian[:, constrained.MEASURED[:, None], constrained.UNMEASURED].any()
+        hessian = np.stack(slopes, axis=2) / (2.0 * STEP)
+        assert np.abs(hessian[:, constrained.MEASURED[:, None], constrained.UNMEASURED]).max() < 1e-10
         drift = np.einsum("kij,i,j->k", hessian, v, v)
-        np.testing.assert_allclose(constrained.constraint_drift(MODEL, q, v), drift, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(constrained.constraint_drift(MODEL, q, v), drift, rtol=0, atol=1e-8)
 
 
 def test_tool_hessian_against_differences_of_both_forward_map_and_jacobian() -> None:

@@ -23,8 +23,6 @@ DC_FEATURE: Final = 0x0004
 OUTPUTS_SM, INPUTS_SM = 2, 3
 MAILBOX_FULL: Final = 0x08
 SM_ENABLED, SM_REPEAT = 0x01, 0x02
-SM_WATCHDOG: Final = 0x40
-"""In the control byte: writing to this sync manager feeds the watchdog."""
 
 DIVIDER_DEFAULT, WATCHDOG_DEFAULT = 0x09C2, 1000
 """100 µs, and 100 ms of them."""
@@ -34,7 +32,6 @@ DIVIDER_TICK: Final = 40
 INIT, PREOP, SAFEOP, OP = 1, 2, 4, 8
 ERROR: Final = 0x10
 """In AL status: a change of state was refused or forced; in AL control: acknowledged."""
-STATE_NAMES: Final = {INIT: "INIT", PREOP: "PRE-OP", SAFEOP: "SAFE-OP", OP: "OP"}
 
 INVALID_CHANGE, UNKNOWN_STATE, BAD_MAILBOX, SYNC_MANAGER_WATCHDOG = 0x0011, 0x0012, 0x0016, 0x001B
 BAD_OUTPUTS, BAD_INPUTS, NO_VALID_OUTPUTS = 0x001D, 0x001E, 0x0019

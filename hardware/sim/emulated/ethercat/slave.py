@@ -160,13 +160,6 @@ class Slave:
             self.application.stop(watchdog=watchdog)
         self._enter(state, code)
 
-    def power_off(self) -> None:
-        """As after a power failure: it forgets everything and stands in INIT."""
-        self.drop(reg.INIT, 0)
-        self.memory[reg.FMMU : reg.FMMU + 0x40] = bytes(0x40)
-        self.memory[reg.SYNC_MANAGER : reg.SYNC_MANAGER + 0x20] = bytes(0x20)
-        self._map()
-
     def _ask_state(self, control: int) -> None:
         wanted, current = control & 0x0F, self.state
         failed = self.memory[reg.AL_STATUS] & reg.ERROR
