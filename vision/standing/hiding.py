@@ -42,7 +42,8 @@ def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Pla
         spot = np.zeros(fit.owner.shape, dtype=np.uint8)
         cv2.fillPoly(spot, [np.rint(contour).astype(np.int32)], 1)
         around = cv2.dilate(spot, np.ones((_AROUND, _AROUND), np.uint8))
-        in_sight = float((fit.owner[around > 0] == 0).mean())
+        free = fit.owner[around > 0] == 0
+        in_sight = float(free.mean()) if free.size else 0.0  # a tray's place may be beside the picture
         looks = [float(rather.ravel()[mine].mean()) if mine.size else 0.0 for rather in fit.maps]
         peeps = dict[Colour, int]()  # area of the largest spot [px]
         for colour, hot in like_a_piece.items():
