@@ -337,18 +337,24 @@ def test_the_client_stops_itself_as_a_listener_does(launch: Launch, line: Line) 
 
 
 def test_a_stop_that_is_pressed_while_the_client_releases_one_stays_in_force(
-    launch: Launch, line: Line, watch: Callable[[Any], TelemetryWatch], monkeypatch: pytest.MonkeyPatch
+    launch: Launch,
+    line: Line,
+    watch: Callable[[Any], TelemetryWatch],
+    until: Until,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     running = launch()
     listener = watch(running)
     with running.client() as client:
-        seen = listener.stop().presses
+        _press_once(listener, until)
+        until(lambda: client.telemetry.latched)
+        seen = client.telemetry.presses
         link = client._connected
         real = link.send
 
         def late(kind: DatagramKind, payload: bytes) -> None:
             if kind is DatagramKind.RELEASE and listener.telemetry.presses == seen:
-                listener.stop()  # it comes before the RELEASE of a client that does not know of it
+                _press_once(listener, until)  # it comes before the RELEASE of a client that does not know of it
             real(kind, payload)
 
         monkeypatch.setattr(link, "send", late)
@@ -360,20 +366,28 @@ def test_a_stop_that_is_pressed_while_the_client_releases_one_stays_in_force(
         assert client.execute(line(HOME, AWAY, 400)).result is Result.DONE
 
 
+def _press_once(listener: TelemetryWatch, until: Until) -> None:
+    """Press STOP with a single datagram: `stop` repeats it on a slow machine, and each that comes counts."""
+    before = listener.telemetry.presses
+    listener._press()
+    until(lambda: listener.telemetry.presses > before)
+
+
 def test_a_recorded_stop_does_not_stop_again(
     launch: Launch, line: Line, lossy_link: Callable[..., Any], until: Until
 ) -> None:
     running = launch()
     link = lossy_link(running.port)
     with TelemetryWatch("127.0.0.1", link.port, running.key) as listener, running.client() as client:
-        listener.stop()
+        _press_once(listener, until)
+        until(lambda: client.telemetry.latched)  # what a client has not heard of it cannot release
         client.release()
-        stops = [data for data in link.seen if data[8] == DatagramKind.STOP]
-        assert stops
-        for data in stops * 3:
-            link.send(data)
+        assert not client.telemetry.latched
+        (stop,) = (data for data in link.seen if data[8] == DatagramKind.STOP)
         before = client.telemetry.bad_sequence
-        until(lambda: client.telemetry.bad_sequence >= before + 3 * len(stops) or client.telemetry.latched)
+        for _ in range(3):
+            link.send(stop)
+        until(lambda: client.telemetry.bad_sequence >= before + 3 or client.telemetry.latched)
         assert not client.telemetry.latched
         assert client.execute(line(HOME, AWAY, 400)).result is Result.DONE
 
