@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
 import json
@@ -138,7 +139,8 @@ def demo(tmp_path: Path) -> Iterator[Callable[..., Run]]:
     yield start
     for run in runs:
         for pid in [*run.helpers().values(), *([run.process.pid] if run.process.poll() is None else [])]:
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # it was about to end by itself
+                os.kill(pid, signal.SIGKILL)
         run.process.wait()
         for pipe in (run.process.stdout, run.process.stderr):
             if pipe is not None:
@@ -158,4 +160,5 @@ def by_hand(tmp_path: Path) -> Iterator[Callable[..., Controller]]:
         one.end(signal.SIGKILL)
     for left in tmp_path.rglob("world.sock"):  # of a world that nobody has ended
         if (pid := world_pid(left.parent)) is not None:
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)

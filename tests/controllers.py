@@ -45,10 +45,12 @@ class Controller:
 
     def wait_for(self, words: str) -> None:
         deadline = time.monotonic() + PATIENCE
+        ended = False  # asked before the log is read: what a program says last is in it then
         while words not in self.said()[self._ready :]:
-            assert self.process.poll() is None, self.said()
+            assert not ended, self.said()
             assert time.monotonic() < deadline, self.said()
             time.sleep(0.02)
+            ended = self.process.poll() is not None
 
     def end(self, number: int = signal.SIGINT) -> int:
         if self.process.poll() is None:

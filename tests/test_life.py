@@ -35,12 +35,10 @@ def in_mid_game(run):
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "more"), [(signal.SIGINT, ()), (signal.SIGTERM, UNSEEN)])
 def test_an_interrupt_ends_everything_long_before_a_killed_program_would(demo, number, more):
-    run = demo(*GAME, *more)
+    run = demo(*GAME, *more, "--linger", "600")  # nobody waits so long for it to end
     in_mid_game(run)
-    asked = time.monotonic()
     run.signal(number)
     status, _, err = run.wait()
-    assert time.monotonic() - asked < 20.0, "within 5 s on a machine with time to spare; 30 s if it lingered"
     assert status == 130
     assert err.strip() == (
         "touchmove: interrupted; the arm is at rest, and nothing that this program started is still running; "
@@ -68,12 +66,14 @@ def test_kill_9_of_the_app_stops_the_arm_and_ends_everything(demo):
     run = demo(*GAME, "--linger", "5")
     in_mid_game(run)
     assert {"world", "stockfish"} <= run.helpers().keys()
+    killed = time.time()
     run.signal(signal.SIGKILL)
     run.process.wait()
-    left = until(lambda: one if "stockfish" not in (one := run.helpers()) else None, "the engine's end")
-    assert "world" in left, "the arm is held while it waits for another client"
+    until(lambda: "stockfish" not in run.helpers(), "the engine's end")
     until(lambda: not run.helpers())
     end = run.world_end()
+    ended = (run.folder / "run" / "world_end.json").stat().st_mtime
+    assert ended - killed > 4.5, "the arm is held while it waits for another client"
     assert end["at_rest"]
     assert end["arm_speed"] < 1e-3
 
@@ -101,24 +101,32 @@ def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim, process
 
 @pytest.mark.slow
 def test_kill_9_of_what_can_be_started_again_goes_unnoticed(demo):
-    run = demo("--pace", "fast", "--no-video", "--plies", "3", "--movetime", "0.05", "--verify")
+    run = demo(*GAME, "--verify")  # much longer than this test, however busy the machine is
     in_mid_game(run)
     running = run.helpers()
     for victim in ("drawing", "stockfish"):
         os.kill(running[victim], signal.SIGKILL)
-    status, out, _ = run.wait()
-    report = json.loads(out)
-    assert (status, report["plies"], report["failures"]) == (0, 3, [])
+    before = run.plies()
+    run.until(lambda: run.plies() > before + 2, "plies of both sides without them")
+    run.signal(signal.SIGINT)
+    assert run.wait()[0] == 130
+    report = json.loads((run.folder / "report.json").read_text())
+    assert (report["exit_reason"], report["failures"]) == ("interrupted", [])
     assert not run.helpers()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("victim", "processes", "named"), VICTIMS)
-def test_kill_9_of_a_process_that_is_starting_is_named(demo, victim, processes, named):
-    run = demo(*GAME, *processes, *UNSEEN)
+def test_kill_9_of_a_process_that_is_starting_is_named(demo, victim, processes, named, tmp_path):
+    # it starts for as long as it takes to find and kill it
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import sys, time\nif sys.orig_argv[4:5] == [{victim!r}]: time.sleep(600.0)\n"
+    )
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    run = demo(*GAME, *processes, *UNSEEN, environment={"PYTHONPATH": path})
     run.until(lambda: victim in run.helpers(), f"the {victim}")
     os.kill(run.helpers()[victim], signal.SIGKILL)
-    status, _, err = run.wait(60)
+    status, _, err = run.wait()
     assert status == 2
     assert err.strip() == f"touchmove: {named} could not start: it was killed (SIGKILL)"
 

@@ -8,6 +8,7 @@ import signal
 import pytest
 
 from app.measure.bench.kills import measure_kills
+from app.settings.files import keep_settings, kept_settings
 from tests.conftest import Run
 
 
@@ -22,21 +23,23 @@ def test_program_controller_and_all_at_once_are_killed_in_mid_move_and_the_game_
 
 @pytest.mark.slow
 def test_an_interrupted_game_is_resumed_from_the_worlds_last_state(demo) -> None:
-    run = demo("--pace", "fast", "--no-cameras", "--moves", "e4 d5 exd5")
+    line = "e4 d5 exd5 Qxd5 Nc3 Qa5"
+    run = demo("--no-cameras", "--moves", line)  # in pace fast it may be over before anybody interrupts it
     events = run.folder / "events.jsonl"
     run.until(lambda: events.exists() and '"carry"' in events.read_text(), "a carry")
     run.signal(signal.SIGINT)
     assert run.wait()[0] == 130
     assert not run.helpers()
     assert run.world_end()["at_rest"]
+    keep_settings(run.folder, kept_settings(run.folder).with_changes({"rig.pace": "fast"}))
     again = Run(["resume", str(run.folder), "--headless", "--json"], run.folder)
     status, out, err = again.wait()
     assert status == 0, err
     report = json.loads(out)
-    assert report["plies"] == 3
+    assert report["plies"] == len(line.split())
     assert report["physical_ok"] is True
     assert not again.helpers()
     # a game that is over stays over
     status, _, err = Run(["resume", str(run.folder), "--headless"], run.folder).wait()
     assert status == 2
-    assert err.strip().endswith("is over after 3 plies: start a new one")
+    assert err.strip().endswith("is over after 6 plies: start a new one")

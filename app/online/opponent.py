@@ -389,6 +389,7 @@ class LichessOpponent:
     def _hear_refusal(self, said: _Saying, refusal: RequestRefused) -> None:
         if said.ply is not None:  # the whole game is asked for: it shows what has become of the move
             self._refused += 1
+            self._done(said)  # first: what is still to be said is neither repeated nor taken back
             self._stream.close()
         elif not self._over:
             self._put(Notice(f"the server does not accept '{said.what}': {refusal}"))

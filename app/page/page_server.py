@@ -119,6 +119,7 @@ class PageServer:
         elif isinstance(news, SessionNews):
             self.catalogue.add(Path(news.folder))
             self.telemetry.listen(news.controller, news.tick)
+            self.people.session_came()
         elif isinstance(news, EndNews):
             self.people.ended = True
 

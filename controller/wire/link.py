@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import select
 import threading
 import time
 from collections.abc import Callable
@@ -61,6 +62,8 @@ class Link:
         self._woken_at, self._wake_samples = 0, _WAKE_SAMPLES
         self._heard = time.monotonic()
         self._refused = False
+        self._unsent = False
+        """Something could not be sent: judged by the own thread, once nothing that was said before lies unread."""
         self._open = True
         self._socket = open_socket(host, port, HEARTBEAT_INTERVAL / 4)
         self._thread = threading.Thread(target=self._listen, name="controller link", daemon=True)
@@ -127,7 +130,7 @@ class Link:
             try:
                 self._socket.send(self._envelope.seal(kind, self._session, self.sequence, payload))
             except OSError:
-                self._refused = True  # says so at the next look at the telemetry; a later answer takes it back
+                self._unsent = True
 
     def wait_for_news(self, seen: Telemetry) -> None:
         """Wait until there is telemetry other than ``seen`` that one may act on, but not long."""
@@ -154,18 +157,26 @@ class Link:
                 try:
                     size = self._socket.recv_into(buffer)
                 except TimeoutError:
+                    self._refused |= self._unsent
                     continue
-                except ConnectionRefusedError:
-                    self._refused = True
+                except ConnectionRefusedError:  # is told before what lies unread, such as a controller's last words
+                    self._refused |= not self._unread()
                     continue
                 self._receive(memoryview(buffer)[:size])
+
+    def _unread(self) -> bool:
+        """Whether something has come that was not read yet."""
+        look = select.poll()
+        look.register(self._socket, select.POLLIN)
+        return any(event & select.POLLIN for _, event in look.poll(0))
 
     def _receive(self, data: memoryview) -> None:
         opened = self._envelope.open(data)
         if isinstance(opened, Drop) or opened.session != self._session or opened.sequence <= self._newest:
             return
         self._newest = opened.sequence
-        self._refused, self._heard = False, time.monotonic()
+        self._refused = self._unsent = False
+        self._heard = time.monotonic()
         if opened.kind == DatagramKind.TELEMETRY:
             self._take(Telemetry.unpack(opened.payload))
             return

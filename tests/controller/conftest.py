@@ -10,6 +10,7 @@ import select
 import socket
 import threading
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from controller.protocol.key import KEY_FILE, create_key
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
+from controller.wire.listener import TelemetryWatch
+from controller.wire.probe import Probe
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 from tests.waiting import PATIENCE
@@ -185,7 +188,46 @@ Line = Callable[..., NDArray[Any]]
 
 
 @pytest.fixture
-def launch(tmp_path: Path) -> Iterator[Launch]:
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No end of a link gives another up, or forgets it, because a busy machine holds up a thread for some seconds."""
+    for method in (ControllerClient.connect, TelemetryWatch.connect, TelemetryWatch.stop, Probe.greet):
+        monkeypatch.setattr(method, "__defaults__", (PATIENCE,))
+    for name in ("link.SILENCE", "listener.SILENCE", "subscribers.SILENCE", "client._COMMAND_TIMEOUT"):
+        monkeypatch.setattr(f"controller.wire.{name}", PATIENCE)
+    monkeypatch.setattr("controller.loop.flight._END_TIMEOUT", PATIENCE)
+
+
+@pytest.fixture
+def memory() -> Callable[[], int]:
+    """Bytes that the controller's own code has allocated since ``tracemalloc`` began: threads of pytest's do so too."""
+
+    def allocated() -> int:
+        mine = (tracemalloc.Filter(True, "*/controller/*"), tracemalloc.Filter(False, "*/tests/*"))
+        return sum(trace.size for trace in tracemalloc.take_snapshot().filter_traces(mine).traces)
+
+    return allocated
+
+
+class WallClock:
+    """What controllers take for the wall clock: it may be put forward."""
+
+    def __init__(self) -> None:
+        self.ahead = 0.0
+
+    def monotonic(self) -> float:
+        return time.monotonic() + self.ahead
+
+
+@pytest.fixture
+def wall_clock(monkeypatch: pytest.MonkeyPatch) -> WallClock:
+    """The clock of the controllers launched after this: leases end at once, and not while this machine stands still."""
+    clock = WallClock()
+    monkeypatch.setattr("controller.loop.server.time", clock)
+    return clock
+
+
+@pytest.fixture
+def launch(tmp_path: Path, patient: None) -> Iterator[Launch]:
     """Starts controllers, each in a run directory of its own; ends them all."""
     started: list[Running] = []
 
@@ -193,16 +235,10 @@ def launch(tmp_path: Path) -> Iterator[Launch]:
         directory = tmp_path / f"run{len(started)}"
         directory.mkdir(mode=0o700)
         create_key(directory / KEY_FILE)
-        started.append(
-            Running(
-                bus or FakeBus(load_parameters()),
-                directory,
-                ControllerSettings(
-                    **{"realtime": False, "stays": False, **settings}
-                ),  # this process is not the controller's own
-                limits,
-            ),
-        )
+        bus = bus or FakeBus(load_parameters())
+        # this process is not the controller's own; in real time a client that it holds up is not lost
+        usual = {"realtime": False, "stays": False, **({} if bus.lockstep else {"lease": PATIENCE})}
+        started.append(Running(bus, directory, ControllerSettings(**{**usual, **settings}), limits))
         return started[-1]
 
     yield start
@@ -231,7 +267,7 @@ class LossyLink:
         veto: Callable[[bytes], bool] = lambda data: False,
     ) -> None:
         self.seen: list[bytes] = []
-        self._loss, self._repeats, self._delay, self._veto = loss, repeats, delay, veto
+        self.loss, self._repeats, self._delay, self._veto = loss, repeats, delay, veto
         self._random = random.Random(7)
         self._front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._front.bind(("127.0.0.1", 0))
@@ -279,7 +315,7 @@ class LossyLink:
         if forth:
             self._client = address
             self.seen.append(data)
-        if (forth and self._veto(data)) or self._random.random() < self._loss:
+        if (forth and self._veto(data)) or self._random.random() < self.loss:
             return
         for _ in range(2 if self._random.random() < self._repeats else 1):
             self._count += 1
@@ -306,6 +342,21 @@ def lossy_link() -> Iterator[Callable[..., LossyLink]]:
     yield make
     for link in links:
         link.close()
+
+
+@pytest.fixture
+def watch(launch: Launch) -> Iterator[Callable[[Running], TelemetryWatch]]:
+    """Listens to a controller."""
+    made = list[TelemetryWatch]()
+
+    def make(running: Running) -> TelemetryWatch:
+        made.append(TelemetryWatch(*find_controller(running.directory)))
+        made[-1].connect()
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from engine.stockfish import DEBIAN_PATH
+from engine.stockfish import DEBIAN_PATH, Engine
 
 SCRIPT = """#!{python} -IS
 import os, signal, sys, time
@@ -77,8 +77,9 @@ def _indented(code: str) -> str:
 
 
 @pytest.fixture
-def fake(tmp_path: Path) -> MakeFake:
+def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeFake:
     """Makes a fake engine from Python snippets; they see ``start`` (1, 2, ...), ``line`` and ``say``."""
+    monkeypatch.setattr("engine.budget.MARGIN", 60.0)  # however busy the machine
 
     def make(
         on_go: str = 'say("bestmove e2e4")',
@@ -107,8 +108,25 @@ def fake(tmp_path: Path) -> MakeFake:
 
 @pytest.fixture(autouse=True)
 def _without_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Attempts follow each other at once."""
+    """Attempts follow each other at once; an engine that is ready is waited for, however busy the machine."""
     monkeypatch.setattr("engine.stockfish.PAUSES", (0.0, 0.0, 0.0))
+    monkeypatch.setattr("engine.stockfish.PULSE_DEADLINE", 60.0)
+
+
+GiveUpSoon = Callable[[Engine], None]
+
+
+@pytest.fixture
+def give_up_soon(monkeypatch: pytest.MonkeyPatch) -> GiveUpSoon:
+    """The process of an engine is given up after 2 s, as it hangs; those after it do not, and are waited for."""
+
+    def shorten(engine: Engine) -> None:
+        process = engine._supervised.process
+        assert process is not None
+        call = process.call
+        monkeypatch.setattr(process, "call", lambda question, deadline: call(question, min(deadline, 2.0)))
+
+    return shorten
 
 
 @pytest.fixture(scope="session")

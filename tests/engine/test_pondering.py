@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import time
@@ -25,13 +26,14 @@ HIT = 'if line == "ponderhit": say("bestmove d2d4 ponder d7d5")\nelif line == "s
 
 
 def pondering(made: Any, **changes: object) -> Engine:
-    settings = {"path": made.path, "ponder": True, "deadline": 2.0, "move_time": 0.5, **changes}
+    settings = {"path": made.path, "ponder": True, "deadline": 60.0, "move_time": 0.5, **changes}
     return Engine(EngineSettings.model_validate(settings))
 
 
 def said(made: Any) -> list[str]:
-    """What it was told of searches."""
-    return [line for line in made.heard if line.split()[0] in ("go", "stop", "ponderhit", "position")]
+    """What it was told of searches; clocks in whole tens of seconds, as they run while this process is held up."""
+    heard = [re.sub(r"(?<=[wb]time )\d+", lambda ms: f"{-(-int(ms[0]) // 10_000)}0000", line) for line in made.heard]
+    return [line for line in heard if line.split()[0] in ("go", "stop", "ponderhit", "position")]
 
 
 def test_a_hit_goes_on_with_the_search_and_keeps_what_was_said_before(fake: Callable[..., Any]) -> None:
@@ -122,10 +124,14 @@ def test_an_engine_that_answers_before_the_hit_is_taken_at_its_word(fake: Callab
     ],
     ids=["illegal", "dies", "stopped", "silent"],
 )
-def test_what_goes_wrong_at_the_hit_is_asked_again(fake: Callable[..., Any], answer: str, reason: str) -> None:
+def test_what_goes_wrong_at_the_hit_is_asked_again(
+    fake: Callable[..., Any], give_up_soon: Callable[[Engine], None], answer: str, reason: str
+) -> None:
     made = fake(on_go=PONDER, on_other=f'if line == "ponderhit": {answer}')
-    with pondering(made, deadline=2.0, move_time=0.1) as engine:
+    with pondering(made, move_time=0.1) as engine:
         engine.ponder(chess.Board())
+        if "no answer" in reason:
+            give_up_soon(engine)
         chosen = engine.choose(chess.Board())
     assert chosen.move == chess.Move.from_uci("e2e4")
     assert len(chosen.troubles) == 1
@@ -135,15 +141,19 @@ def test_what_goes_wrong_at_the_hit_is_asked_again(fake: Callable[..., Any], ans
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_an_engine_that_is_killed_or_stopped_while_it_ponders(fake: Callable[..., Any], number: int) -> None:
+def test_an_engine_that_is_killed_or_stopped_while_it_ponders(
+    fake: Callable[..., Any], give_up_soon: Callable[[Engine], None], number: int
+) -> None:
     made = fake(on_go=PONDER, on_other=HIT)
     other = chess.Board()
     other.push_uci("a2a3")
     other.push_uci("a7a6")
     for board in (chess.Board(), other):  # a hit and a miss
-        with pondering(made, deadline=2.0, move_time=0.1) as engine:
+        with pondering(made, move_time=0.1) as engine:
             assert engine.ponder(chess.Board())
             assert engine.pid is not None
+            if number == signal.SIGSTOP:
+                give_up_soon(engine)
             os.kill(engine.pid, number)
             time.sleep(0.05)
             chosen = engine.choose(board)

@@ -154,11 +154,14 @@ def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_o
     assert not Path(f"/proc/{pid}").exists()
 
 
-def test_a_restart_leaves_no_first_process_behind(fake: Callable[..., Any]) -> None:
+def test_a_restart_leaves_no_first_process_behind(
+    fake: Callable[..., Any], give_up_soon: Callable[[Engine], None]
+) -> None:
     engine_file = fake(at_start=DEAF, on_go='if start == 1: time.sleep(60)\nelse: say("bestmove e2e4")')
-    with Engine(EngineSettings(path=engine_file.path, nodes=1, deadline=2.0)) as engine:
+    with Engine(EngineSettings(path=engine_file.path, nodes=1, deadline=60.0)) as engine:
         first = engine.pid
         assert first is not None
+        give_up_soon(engine)
         engine.choose(chess.Board())
         assert not Path(f"/proc/{first}").exists()
 

@@ -136,6 +136,13 @@ class Bench:
     def run(self, command: Command, exchanges: int) -> list[Measurement]:
         return [self.exchange(command) for _ in range(exchanges)]
 
+    def run_for(self, command: Command, ticks: int) -> list[Measurement]:
+        """Exchanges until so many ticks have passed: on a busy machine each of them may take several."""
+        said = [self.exchange(command)]
+        while said[-1].tick < said[0].tick + ticks:
+            said.append(self.exchange(command))
+        return said
+
     def until(self, command: Command, holds: Callable[[Measurement], object], exchanges: int = 2000) -> Measurement:
         for _ in range(exchanges):
             said = self.exchange(command)

@@ -124,7 +124,7 @@ def test_let_go_they_brake_within_the_stated_time(bench: Bench) -> None:
     for ended in (POWERED, REST._replace(busy=True)):
 
         def law(ended: Command = ended) -> None:
-            moved = bench.run(torques(2.0, 2.0, 2.0), 60)[-1]
+            moved = bench.run_for(torques(2.0, 2.0, 2.0), 40)[-1]
             assert min(moved.velocity) > 0.5
             said = bench.run(ended, 5)[-1]
             assert said.status & DriveStatus.BRAKED
@@ -145,7 +145,7 @@ def test_a_torque_accelerates_its_joint_its_way(bench: Bench, joint: int, sign: 
         hold = [-1.1, -1.1, -1.1]
         hold[joint] += 2.0 * sign
         before = bench.exchange(POWERED)
-        said = bench.run(torques(*hold), 40)[-1]
+        said = bench.run_for(torques(*hold), 30)[-1]
         seen = f"{before}, {said}, {bench.told}"
         assert sign * (said.velocity[joint] - before.velocity[joint]) > 0.3, seen
         assert sign * (said.angle[joint] - before.angle[joint]) > 0.003, seen
@@ -263,8 +263,8 @@ def test_the_fingers_follow_their_velocity_and_stop_at_the_stroke(bench: Bench) 
     def law() -> None:
         bench.run(POWERED._replace(finger_velocity=-0.03), SECOND)
         before = bench.run(POWERED, 50)[-1]
-        bench.run(POWERED._replace(finger_velocity=0.03), 100)
-        said = bench.run(POWERED._replace(finger_velocity=0.03), 201)
+        bench.run_for(POWERED._replace(finger_velocity=0.03), 100)
+        said = bench.run_for(POWERED._replace(finger_velocity=0.03), 200)
         passed = (said[-1].tick - said[0].tick) * PERIOD
         assert said[-1].finger_position - said[0].finger_position == pytest.approx(0.03 * passed, rel=0.1)
         still = bench.run(POWERED, 100)

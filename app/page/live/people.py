@@ -60,8 +60,10 @@ class People:
     _numbers: dict[str, int] = field(default_factory=dict)
     _last: int = 0
     _began: float = 0.0
+    _claims: dict[int, str] = field(default_factory=dict)
+    """In what session somebody held the controls, as their browsers say: unjudged while no session is known."""
     _held: set[int] = field(default_factory=set)
-    """Who held the controls on the page before this one, as their browsers say."""
+    """Who held the controls on the page before this one."""
     _timer: asyncio.TimerHandle | None = None
     _present: bool = False
     _wanted: tuple[float, float] = (0.0, 0.0)
@@ -87,19 +89,31 @@ class People:
             if len(self._numbers) > KNOWN:
                 del self._numbers[next(iter(self._numbers))]
         watcher = self.hub.join(number)
-        self._set(self._before_restart(number, hello, self.controls.joined(number, self.now())))
+        if hello.held is not None:
+            self._claims[number] = hello.held
+        self._set(self._as_before(self.controls.joined(number, self.now())))
         return watcher
 
-    def _before_restart(self, number: int, hello: HelloFrame, controls: Controls) -> Controls:
+    def session_came(self) -> None:
+        """The game has told its name; somebody may have been here before that."""
+        self._set(self._as_before(self.controls))
+
+    def _as_before(self, controls: Controls) -> Controls:
         """A page that was started again knows nobody: who held the controls of this game before has them again."""
-        if hello.held is None or hello.held != self.session() or self.now() - self._began > GRACE:
+        if (session := self.session()) is None:
             return controls
-        self._held.add(number)
-        return controls if controls.holder in self._held else replace(controls, holder=number, left=None)
+        claims, self._claims = self._claims, {}
+        if self.now() - self._began > GRACE:
+            return controls
+        for number in (number for number, held in claims.items() if held == session):
+            self._held.add(number)
+            controls = controls if controls.holder in self._held else replace(controls, holder=number, left=None)
+        return controls
 
     def left(self, watcher: Watcher) -> None:
         """A browser has gone."""
         self.hub.leave(watcher)
+        self._claims.pop(watcher.number, None)
         self._set(self.controls.gone(watcher.number, self.now()))
         self.want()
 

@@ -111,9 +111,9 @@ class World:
 
         Raises ``HardwareError`` if the cameras have no OpenGL.
         """
-        signal.signal(signal.SIGTERM, self._end)
         for number in (signal.SIGINT, signal.SIGHUP):  # the app decides when a world ends
             signal.signal(number, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, self._end)
         with self.open(), self._punctual():
             if not self._fast:
                 self._live.write_aside()

@@ -129,6 +129,7 @@ def test_an_unknown_rig_is_refused_with_the_choice() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_the_whole_test_on_its_own_rig() -> None:
     said: list[str] = []
     report = link_test("sim", 2.0, said.append)

@@ -32,6 +32,7 @@ from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.piece_set import Kind
 from hardware.table import TableSettings
+from tests.waiting import PATIENCE
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 CLOSED = closed_position(Kind.PAWN, PARAMETERS.pads)
@@ -302,7 +303,7 @@ def test_the_next_player_thinks_while_the_arm_lets_go_and_goes_home(tmp_path: Pa
             if motion.stage is Stage.RELEASE and motion.label.endswith("home"):
                 self.homes += 1
                 with asked:
-                    assert asked.wait_for(lambda: self.homes in asked_for, 10.0), "nobody thinks"
+                    assert asked.wait_for(lambda: self.homes in asked_for, PATIENCE), "nobody thinks"
 
     arm = Waiting(Stage.RETURN, 0.0)
     play(tmp_path / "game", arm, wrap=Told)

@@ -15,6 +15,7 @@ from app.rig.steady_frames import SteadyFrames
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
+from tests.waiting import PATIENCE
 
 PINHOLE = Intrinsics(320, 240, 308.0, 308.0, 159.5, 119.5)
 
@@ -56,7 +57,7 @@ def test_closing_ends_a_reader_and_leaves_the_camera_to_others() -> None:
     reader = threading.Thread(target=wait)
     reader.start()
     frames.close()
-    reader.join(10.0)
+    reader.join(PATIENCE)
     assert ended.is_set()
     assert not camera.closed
 

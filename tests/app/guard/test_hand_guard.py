@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -101,13 +101,13 @@ class Masks(ArmMasks):
 
 
 @contextmanager
-def flowing(frames: Frames) -> Iterator[None]:
+def flowing(frames: Frames, put: Callable[[Any], None] | None = None) -> Iterator[None]:
     """Frames of the free board go on coming: who begins to wait for new ones may begin late."""
     over = threading.Event()
 
     def flow() -> None:
         while not over.wait(0.005):
-            frames.put(FREE)
+            (put or frames.put)(FREE)
 
     thread = threading.Thread(target=flow)
     thread.start()
@@ -272,9 +272,8 @@ def test_frames_of_depth_alone_hold_the_arm_and_clear_it_once_nothing_moves_but_
     until(frames.waiting.empty)
     waiter.join(0.2)
     assert waiter.is_alive()
-    for _ in range(15):
-        frames.put_bare(FREE)
-    waiter.join(PATIENCE)
+    with flowing(frames, frames.put_bare):
+        waiter.join(PATIENCE)
     assert controller.asked == ["hold", "resume"]
     assert looker.is_alive()
     with flowing(frames):

@@ -16,7 +16,7 @@ import pytest
 
 from app import UserError
 from app.linked.games import resume_linked_games, run_linked_games
-from app.linked.link import listen, parse_address
+from app.linked.link import parse_address
 from app.linked.log import LOG_FILE
 from app.play.session import Interrupted, SessionResult
 from app.records import PlyEvent
@@ -25,6 +25,7 @@ from app.settings.files import settings_of
 from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
 from tests.app.linked.pair import SECRET
+from tests.controllers import free_port
 from tests.waiting import PATIENCE
 
 ENDING = "8/8/4k3/8/8/4K3/4P3/8 w - - 0 1"
@@ -101,12 +102,6 @@ class Playing:
             raise self.error
         assert self.result is not None
         return self.result
-
-
-def free_port() -> int:
-    with listen("127.0.0.1", 0) as end:
-        port: int = end.getsockname()[1]
-    return port
 
 
 def settings(folder: Path, role: str, port: int, **changes: Any) -> Settings:

@@ -564,13 +564,13 @@ def _handler_of(lichess: FakeLichess) -> type[BaseHTTPRequestHandler]:
                 challenge = lichess.challenges.pop(number, None)
             if challenge is None:
                 return self._answer(404, {"error": "No such challenge"})
+            if verb == "decline":  # before it is answered: whoever asks may be asked about it at once
+                lichess.declined[number] = body.get("reason", "")
             self._answer(200, {"ok": True})
             if verb == "accept":
                 control = challenge["timeControl"]
                 name, times = challenge["challenger"]["name"], (control.get("limit", 0), control.get("increment", 0))
                 lichess._later(lambda: lichess.begin(name, *times, id=number) and None)
-            else:
-                lichess.declined[number] = body.get("reason", "")
             return None
 
         def _pour(self, stream: queue.Queue[Any]) -> None:

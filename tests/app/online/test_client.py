@@ -18,6 +18,7 @@ from app.online.messages import MessageError
 from app.online.token import Token
 from tests.app.online.fake_lichess import TOKEN, FakeLichess, Temper
 from tests.app.online.online_games import QuickTime
+from tests.waiting import PATIENCE
 
 
 def client_of(lichess: FakeLichess, token: str = TOKEN) -> LichessClient:
@@ -67,7 +68,7 @@ def test_after_429_nothing_is_asked_for_a_full_minute() -> None:
         client.account()
         assert [asked - lichess.limited_at[0] >= RATE_LIMIT for asked, _ in lichess.requests] == [False, True]
         assert len(time.waited) == 1
-        assert time.waited[0] == pytest.approx(RATE_LIMIT, abs=1.0)
+        assert time.waited[0] == pytest.approx(RATE_LIMIT, abs=20.0)  # less by what a busy machine lost before
         assert said == [f"{lichess.address} asks for fewer requests: nothing is asked for 60 s"]
 
 
@@ -158,5 +159,5 @@ def test_a_stream_is_closed_from_another_thread() -> None:
         thread = threading.Thread(target=listen)
         thread.start()
         stream.close()
-        thread.join(timeout=10.0)
+        thread.join(PATIENCE)
         assert not thread.is_alive()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import io
-import threading
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+import chess
 import pytest
 
 from app import UserError
@@ -16,8 +16,9 @@ from app.play.session import SessionResult
 from app.settings.defaults import OnlineUse
 from app.terminal.game_display import UserInterface
 from app.terminal.typed_lines import TypedLines
-from tests.app.online.fake_lichess import FakeLichess, Temper
+from tests.app.online.fake_lichess import FakeGame, FakeLichess, Temper
 from tests.app.online.online_games import Person, QuickTime, recorded, settings, written_token
+from tests.waiting import until
 
 
 class Saying(Person):
@@ -225,12 +226,17 @@ def test_a_script_that_ends_before_another_game_begins_ends_well(
 def test_a_game_that_was_left_goes_on_without_a_ply_lost(tmp_path: Path) -> None:
     with FakeLichess() as lichess, written_token(tmp_path) as token:
         lichess.next_color = True
-        first = Saying("e4", "quit")
+        first, push = Saying("e4"), lichess._push
+
+        def pushed(game: FakeGame, move: chess.Move) -> None:
+            first._typed.append("quit")  # not before: a move that is on its way then is left unsaid
+            push(game, move)
+
+        lichess._push = pushed  # type: ignore[method-assign]
         done = run_online(settings(lichess, token, tmp_path / "game", "person"), first, first, waiting=QuickTime())
         assert done.resumable
         (game,) = lichess.games.values()
-        while len(game.moves) < 2:
-            threading.Event().wait(0.01)
+        until(lambda: len(game.moves) == 2)
         second = Saying("hint", "resign")
         again = launch.resume_online(tmp_path / "game", second, second, waiting=QuickTime())
         assert (again.report.exit_reason, game.status) == ("White resigns", "resign")

@@ -29,7 +29,7 @@ from app.players.remote import (
 )
 from tests.app.online.fake_lichess import TOKEN, FakeGame, FakeLichess, Temper
 from tests.app.online.online_games import QuickTime
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
 E4, E5 = chess.Move.from_uci("e2e4"), chess.Move.from_uci("e7e5")
 
@@ -52,7 +52,7 @@ def playing(
             opponent.close()
 
 
-def following(opponent: LichessOpponent, kind: type, seconds: float = 20.0) -> RemoteEvent:
+def following(opponent: LichessOpponent, kind: type, seconds: float = PATIENCE) -> RemoteEvent:
     """The next event of a kind."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -111,6 +111,9 @@ def test_a_move_that_the_server_does_not_take_is_taken_back_after_it_was_said_tw
             return "no"
 
         lichess._act_move = refuse  # type: ignore[method-assign]
+        close = opponent._stream.close
+        # the game is heard anew before the thread that speaks goes on
+        opponent._stream.close = lambda: (close(), time.sleep(0.3))  # type: ignore[method-assign,func-returns-value]
         opponent.stands(chess.Board())
         opponent.play(0, E4)
         assert following(opponent, Notice) == Notice("the server does not take e2e4: it is taken back")
@@ -190,8 +193,8 @@ def test_who_has_left_can_be_claimed_against_and_chat_is_shown_without_control_c
             said = {"type": "chatLine", "room": "player", "username": "Anna", "text": "hi\x1b[31m" + "x" * 500}
             lichess._tell(game, said)
         assert following(opponent, Notice) == Notice("Anna writes: hi[31m" + "x" * 133)
-        opponent.play(2, chess.Move.from_uci("a2a3"))
         assert not opponent.claimable
+        opponent.play(2, chess.Move.from_uci("a2a3"))
         assert following(opponent, Notice) == Notice("Anna has left the game; say 'claim' to win it")
         assert opponent.claimable
         opponent.claim()

@@ -10,6 +10,8 @@ from typing import Literal
 
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
+from tests import waiting
+
 # the whole browser draws its own windows, too, with or without a screen: half as much work again
 CHROMIUM = Path("/usr/bin/chromium-headless-shell")
 ARGUMENTS = (
@@ -19,22 +21,26 @@ ARGUMENTS = (
 FLAT = ("--disable-gpu",)
 IN_3D = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """Also WebGL, without a graphics card."""
-PATIENCE = 20_000.0
-"""Of what is expected on a page [ms, wall]; a machine may be busy."""
+PATIENCE = 1000.0 * waiting.PATIENCE
+"""Of what is expected on a page [ms, wall]."""
 SIZES = {"phone": (360, 740), "flat": (740, 360), "tablet": (834, 1112), "desk": (1440, 900), "tv": (1920, 1080)}
 Scheme = Literal["light", "dark"]
 _SOCKETS = """
 window.cut = false;
 window.sockets = [];
+window.asked = 0;
 const Real = window.WebSocket;
 window.WebSocket = class extends Real {
   constructor(address) {
     super(window.cut ? `${address}-that-is-not-there` : address);
     window.sockets.push(this);
+    this.addEventListener('message', (event) => {
+      window.asked = JSON.parse(event.data).changes?.prompt?.id ?? window.asked;
+    });
   }
 };
 """
-"""Sockets that a test can cut in the browser."""
+"""Sockets that a test can cut in the browser; and the number of the last question."""
 
 
 @contextmanager

@@ -10,8 +10,10 @@ import chess
 import pytest
 from playwright.sync_api import Browser
 
+from app.page.live import controls
 from tests.app.page.browsers import Visit, Visitor, chromium
 from tests.app.page.stage import Stage
+from tests.waiting import PATIENCE
 
 SetStage = Callable[..., Stage]
 
@@ -23,8 +25,9 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def set_stage(tmp_path: Path) -> Iterator[SetStage]:
-    """Begins games, each with a page of its own."""
+def set_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SetStage]:
+    """Begins games, each with a page of its own; whoever loads it anew keeps the controls, however long that takes."""
+    monkeypatch.setattr(controls, "GRACE", PATIENCE)
     with ExitStack() as stages:
 
         def begin(fen: str = chess.STARTING_FEN, *, stoppable: bool = True) -> Stage:

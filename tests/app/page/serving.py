@@ -178,14 +178,24 @@ def served(records: Path, **settings: Any) -> Iterator[ServedPage]:
         yield page
 
 
+FORBEARING = (
+    "-c", "from controller.wire import listener; listener.SILENCE = 60.0; "
+    "from app.page.process import main; raise SystemExit(main())",
+)  # fmt: skip
+"""The page's process, to which a controller in the process of a test that is held up has not fallen silent."""
+
+
 class PageProcess:
     """The page's process as a game starts it, with the game's end of the socket in the test's hands."""
 
-    def __init__(self, records: Path, **settings: Any) -> None:
+    def __init__(self, records: Path, *, forbearing: bool = False, **settings: Any) -> None:
         self.game, theirs = socket.socketpair()
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno())],
+                [
+                    sys.executable, "-P", *(FORBEARING if forbearing else ("-m", "app.page.process")),
+                    "--fd", str(theirs.fileno()),
+                ],
                 pass_fds=[theirs.fileno()], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 text=True, start_new_session=True,
             )  # fmt: skip

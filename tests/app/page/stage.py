@@ -21,7 +21,7 @@ from app.page.live.telemetry import PERIOD, TelemetryFeed
 from app.page.page_server import PageServer
 from app.settings.defaults import PageSection
 from tests.app.page.fake_game import FakeGame
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
 QUICK = 1000.0
 """The fake game's motions and thinking take their time over so much."""
@@ -81,7 +81,7 @@ class Stage:
         ready = threading.Event()
         self._thread.start()
         self._serving = asyncio.run_coroutine_threadsafe(self._serve(entrance, theirs, ready), self._loop)
-        assert ready.wait(20.0)
+        assert ready.wait(PATIENCE)
         self.game.publisher.connect(ours)
         self.game.begin()
         until(lambda: self._told("look"))  # the last thing it says: what a test says from here on is not overwritten
@@ -91,10 +91,10 @@ class Stage:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._loop.call_soon_threadsafe(self.page.stop)
-        self._serving.result(10.0)
+        self._serving.result(PATIENCE)
         self.game.publisher.disconnect()
         self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE)
         self._loop.close()
 
     async def _serve(self, entrance: Entrance, game: socket.socket, ready: threading.Event) -> None:

@@ -62,6 +62,7 @@ class Watching:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_five_watchers_cost_little(tmp_path: Path) -> None:
     game = RecordedGame(tmp_path / "games" / "match")
     for san in ("e4", "e5", "Nf3", "Nc6", "Bb5", "a6", "Ba4", "Nf6", "O-O", "Be7"):

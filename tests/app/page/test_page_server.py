@@ -198,7 +198,8 @@ def test_one_holds_the_controls_and_hands_them_over(page: ServedPage) -> None:
         assert "somebody else has already asked" in third.refusals[0]
 
 
-def test_a_page_that_is_loaded_anew_holds_the_controls_still(page: ServedPage) -> None:
+def test_a_page_that_is_loaded_anew_holds_the_controls_still(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(controls, "GRACE", PATIENCE)  # however long it takes to be loaded
     with page.browser(OTHER) as first:
         number = first.controls["you"]
         with page.browser() as other:
@@ -228,11 +229,19 @@ def test_two_windows_with_one_token_are_two_watchers(page: ServedPage) -> None:
         assert first.controls["you"] != copy.controls["you"]
 
 
-def test_a_page_that_was_started_again_gives_the_controls_back(page: ServedPage, games: Path) -> None:
-    page.take(session(games / "new"))
+@pytest.mark.parametrize("told", [True, False], ids=["game known", "browsers first"])
+def test_a_page_that_was_started_again_gives_the_controls_back(
+    page: ServedPage, games: Path, monkeypatch: pytest.MonkeyPatch, told: bool
+) -> None:
+    for module in (controls, people):
+        monkeypatch.setattr(module, "GRACE", PATIENCE)
+    if told:
+        page.take(session(games / "new"))
     with page.browser() as watcher, page.browser(OTHER, held="new") as holder, page.browser(THIRD, held="new") as late:
+        if not told:
+            page.take(session(games / "new"))
         holder.until(lambda: holder.holds)
-        assert not watcher.holds or watcher.read(5.0)
+        watcher.until(lambda: not watcher.holds)
         assert not late.holds, "who came first of those who claim them"
     with page.browser(held="another game") as stranger:
         assert not stranger.holds

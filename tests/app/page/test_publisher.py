@@ -163,7 +163,8 @@ def test_what_is_said_on_the_page_is_heard_like_what_is_typed_also_after_the_end
     page.say(said="present", holder=True)
     until(lambda: publisher.used)
     assert lines.next(PATIENCE) == "e4"
-    assert lines.next(0.01) is None  # the end of input is not the last word where somebody is at the page
+    # the end of input is not the last word where somebody is at the page
+    until(lambda: lines.next(0.01) is None and lines._ended)
     page.say(said="line", text="  resign ")
     assert lines.next(PATIENCE) == "resign"
     assert heard == ["e4", "resign"]

@@ -172,6 +172,7 @@ def stockfish() -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.parametrize("paid", list(ArmTime))
 def test_a_game_by_the_clock_with_an_arm_that_takes_time(stockfish: str, paid: ArmTime) -> None:
     game = play(TimeControl.parse("0:04"), 0.05, paid, 16)
@@ -183,6 +184,7 @@ def test_a_game_by_the_clock_with_an_arm_that_takes_time(stockfish: str, paid: A
     assert all((move.arm > 0.0) == (paid is ArmTime.OWN) for move in game.clock.moves)
 
 
+@pytest.mark.real_time
 def test_a_stockfish_with_two_seconds_left_does_not_lose_by_time(stockfish: str) -> None:
     clock = ChessClock.new(TimeControl.parse("0:02"))
     with Engine(EngineSettings(path=stockfish, hash_mb=1)) as engine:

@@ -19,7 +19,7 @@ from app.settings.files import settings_of
 from app.terminal.game_display import UserInterface
 from engine.errors import EngineFailed, EngineRefused
 from hardware.interfaces import Pace
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, until
 
 
 class Always:
@@ -166,6 +166,7 @@ def test_a_thought_about_a_position_that_did_not_come_is_cut_short():
     other.push_san("Nf6")
     with Players(white, Thinking()) as players:
         players.begin(chess.Board())
+        until(lambda: white.asked, "its thought")  # who has not begun is not hurried
         assert players.choose(other).move in other.legal_moves
     assert white.hurried.is_set()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import subprocess
 import wave
 from pathlib import Path
@@ -39,3 +40,13 @@ def microphone(folder: Path, *sounds: NDArray[np.int16]) -> str:
     program.write_text(f"#!/bin/sh\ncat {folder}/sound\nexec sleep 600\n")
     program.chmod(0o755)
     return str(program)
+
+
+def open_microphone(folder: Path) -> Path:
+    """A program ``arecord`` in a folder, and the pipe from which it plays: what is written there is heard."""
+    folder.mkdir()
+    pipe, program = folder / "sound", folder / "arecord"
+    os.mkfifo(pipe)
+    program.write_text(f"#!/bin/sh\nexec cat {pipe}\n")
+    program.chmod(0o755)
+    return pipe

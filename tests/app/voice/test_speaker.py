@@ -15,6 +15,7 @@ import vision
 from app.voice.german import MOVES, SENTENCES, in_german
 from app.voice.speaker import Speaker, SpeakerMissing
 from app.voice.spoken_moves import ENGLISH
+from tests.waiting import PATIENCE
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,8 @@ def test_what_is_no_move_is_refused() -> None:
         ENGLISH.spoken("e9")
 
 
-def test_a_slow_voice_keeps_nobody_and_says_what_is_newest(tmp_path: Path) -> None:
+def test_a_slow_voice_keeps_nobody_and_says_what_is_newest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.voice.speaker.LAST_WORDS", PATIENCE)
     heard, go = tmp_path / "heard", tmp_path / "go"
     voice = tmp_path / "voice"
     voice.write_text(f'#!/bin/sh\nwhile [ ! -e {go} ]; do sleep 0.01; done\necho "$4" >> {heard}\n')

@@ -96,7 +96,7 @@ class Recorded:
 
 
 @pytest.fixture
-def recorded(fake_bus: Callable[..., Any], tmp_path: Path) -> Callable[..., Recorded]:
+def recorded(fake_bus: Callable[..., Any], tmp_path: Path, patient: None) -> Callable[..., Recorded]:
     """Makes a recorded plant."""
     return lambda **options: Recorded(fake_bus(), tmp_path, **options)
 
@@ -167,15 +167,15 @@ def test_every_number_has_eight_bytes_and_a_meaning() -> None:
     assert all(field.meaning for field in FLIGHT.fields)
 
 
-def test_recording_allocates_nothing_that_stays(recorded: Callable[..., Recorded]) -> None:
+def test_recording_allocates_nothing_that_stays(recorded: Callable[..., Recorded], memory: Callable[[], int]) -> None:
     flying = recorded(duration=1.0)
     flying.run(20)
     tracemalloc.start()
-    before = tracemalloc.get_traced_memory()[0]
+    before = memory()
     for _ in range(5000):
         flying.recorder.record(flying.now)
         flying.recorder.watch(flying.now)
-    grown = tracemalloc.get_traced_memory()[0] - before
+    grown = memory() - before
     tracemalloc.stop()
     flying.close()
     assert grown < 2000

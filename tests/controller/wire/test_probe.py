@@ -5,22 +5,38 @@ from __future__ import annotations
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import pytest
 
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
-from controller.wire.probe import PATIENCE, Probe
+from controller.wire.probe import PATIENCE, Probe, ProbeFigures
+from tests.controllers import free_port
+from tests.waiting import until
 
 Launch = Callable[..., Any]
+
+
+def measured(
+    probe: Probe, enough: Callable[[ProbeFigures], object] = lambda figures: True, duration: float = 1.5
+) -> ProbeFigures:
+    """Measure until there is enough to judge: a busy machine may hold up either end for all of a measurement."""
+
+    def once() -> list[ProbeFigures]:
+        with suppress(ControllerLost):
+            figures = probe.measure(duration)
+            return [figures] if enough(figures) else []
+        return []
+
+    return until(once)[0]
 
 
 def test_a_good_link(launch: Launch, fake_bus: Callable[..., Any]) -> None:
     running = launch(fake_bus(lockstep=False))
     with Probe("127.0.0.1", running.port, running.key) as probe:
         probe.greet()
-        figures = probe.measure(1.5)
-    assert figures.pings > 5, "even if the machine is so busy that hardly one comes back in time"
+        figures = measured(probe, lambda figures: figures.pings > 5)  # though hardly one may come back in time
     assert len(figures.round_trips) <= figures.pings
     assert figures.lost == 1.0 - len(figures.round_trips) / figures.pings
     assert all(0.0 < trip <= PATIENCE for trip in figures.round_trips)
@@ -37,10 +53,8 @@ def test_a_bad_link(launch: Launch, fake_bus: Callable[..., Any], lossy_link: Ca
     link = lossy_link(running.port, loss=0.3, repeats=0.3, delay=0.02)
     with Probe("127.0.0.1", link.port, running.key) as probe:
         probe.greet()
-        figures = probe.measure(1.5)
+        figures = measured(probe, lambda f: f.pings > 20 and f.round_trips and f.repeated and f.overtaken)
     assert 0.1 < figures.lost < 1.0
-    assert figures.repeated > 0
-    assert figures.overtaken > 0
     assert figures.telemetry > figures.repeated + figures.overtaken
 
 
@@ -51,20 +65,27 @@ def test_the_lease_of_a_silent_client_is_waited_for(launch: Launch) -> None:
     client.close()
     with Probe("127.0.0.1", running.port, running.key) as probe:
         probe.greet()
-        assert probe.measure(0.1).lockstep
+        assert measured(probe, duration=0.3).lockstep
 
 
 def test_a_client_that_stays_is_named(launch: Launch) -> None:
     running = launch()
+
+    def answered() -> bool:
+        with suppress(ControllerUnavailable):  # held up for all of the time
+            probe.greet(timeout=0.5)
+            return True
+        return False
+
     with running.client(name="a game"), Probe("127.0.0.1", running.port, running.key) as probe:  # noqa: SIM117
         with pytest.raises(ControllerBusy, match=r"is held by a game \(127.0.0.1:\d+, heard \d.\d\d s ago\): end that"):
-            probe.greet(timeout=1.5)
+            until(answered)
 
 
 def test_no_controller(launch: Launch, lossy_link: Callable[..., Any]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
-        deaf.bind(("127.0.0.1", 0))
-        port = deaf.getsockname()[1]
+        port = free_port()  # which nobody gets once this socket is closed
+        deaf.bind(("127.0.0.1", port))
         with (
             Probe("127.0.0.1", port, bytes(32)) as probe,
             pytest.raises(ControllerUnavailable, match=rf"^no answer from 127.0.0.1:{port} within 0.1 s: is the contr"),
@@ -92,18 +113,12 @@ def test_no_controller(launch: Launch, lossy_link: Callable[..., Any]) -> None:
 def test_a_controller_that_falls_silent_while_it_is_measured_is_lost(
     launch: Launch, fake_bus: Callable[..., Any], lossy_link: Callable[..., Any]
 ) -> None:
-    cut = False
     running = launch(fake_bus(lockstep=False))
-    link = lossy_link(running.port, veto=lambda data: cut)
+    link = lossy_link(running.port)
     with Probe("127.0.0.1", link.port, running.key) as probe:
         probe.greet()
-        assert probe.measure(0.3).telemetry > 0
-
-        def end() -> None:
-            nonlocal cut
-            cut = True
-
-        threading.Timer(0.5, end).start()
+        assert measured(probe, duration=0.3).telemetry > 0
+        threading.Timer(0.5, lambda: setattr(link, "loss", 1.0)).start()
         with pytest.raises(ControllerLost, match=r"^no telemetry from 127.0.0.1:\d+ for 1 s"):
             probe.measure(30.0)
         running.bus.lost = True

@@ -58,6 +58,9 @@ def simulated(folder: Path, stack: ExitStack) -> Subject:
 
 
 def realsense(_folder: Path, stack: ExitStack) -> Subject:
+    patch = stack.enter_context(pytest.MonkeyPatch.context())
+    for patience in ("FIRST_FRAME", "SILENCE"):  # it is not lost, but its thread held up
+        patch.setattr(f"hardware.camera.realsense.{patience}", PATIENCE)
     device = stack.enter_context(closing(SoftwareRealSense()))
     camera = RealSenseCamera(RealSenseSettings(), WallClock(), device.plugs)
     return Subject(camera, lambda: time.sleep(0.1), depth=True)

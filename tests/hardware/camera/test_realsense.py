@@ -21,7 +21,8 @@ from tests.waiting import PATIENCE
 
 
 @pytest.fixture
-def device() -> Iterator[SoftwareRealSense]:
+def device(monkeypatch: pytest.MonkeyPatch) -> Iterator[SoftwareRealSense]:
+    monkeypatch.setattr("hardware.camera.realsense.FIRST_FRAME", PATIENCE)
     with closing(SoftwareRealSense("8899")) as one:
         yield one
 
@@ -45,7 +46,8 @@ def until_read(camera: RealSenseCamera) -> Frame:
             time.sleep(0.05)
 
 
-def test_stamps_are_the_clocks_less_the_frames_age(device: SoftwareRealSense) -> None:
+def test_stamps_are_the_clocks_less_the_frames_age(device: SoftwareRealSense, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hardware.camera.realsense.SILENCE", PATIENCE)  # it is not lost, but its thread held up
     clock = WallClock()
     with closing(RealSenseCamera(RealSenseSettings(serial="8899"), clock, device.plugs)) as camera:
         before = clock.now()
@@ -58,7 +60,7 @@ def test_stamps_are_the_clocks_less_the_frames_age(device: SoftwareRealSense) ->
 
 def test_a_pulled_camera_is_named_and_used_again_once_it_is_plugged_in(device: SoftwareRealSense) -> None:
     with closing(RealSenseCamera(RealSenseSettings(), WallClock(), device.plugs)) as camera:
-        before = camera.read(10.0).stamp
+        before = until_read(camera).stamp
         device.pull()
         with pytest.raises(NoRealSense, match="RealSense 8899 sends no pictures any more: check its cable"):
             read_on(camera)

@@ -210,6 +210,7 @@ def test_watchers_cost_and_get_so_much_a_second() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_the_bench_runs_with_watchers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(loop_bench.DURATION, True, 1.0)
     monkeypatch.setattr("os.cpu_count", lambda: 1)  # so many threads think: what they cost is the bench's business

@@ -7,7 +7,6 @@ import math
 import os
 import select
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -28,6 +27,7 @@ from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings
 from hardware.table import PieceSpec, Place, TableSettings
+from tests.hardware.sim.process.test_world import LONG, world_command
 from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()
@@ -52,15 +52,15 @@ class WorldProcess:
     def __init__(self, run_dir: Path, **changes: object) -> None:
         x, y, z = TABLE.base_from_board(np.array([0.0, -0.075, 0.145])).tolist()
         usual: dict[str, object] = {
-            "pieces": SPECS, "home": (x, y, z), "pace": "fast", "cameras": False, "seed": 3, "first_controller": 120.0,
-            "hand": {"side": "white"},
+            "pieces": SPECS, "home": (x, y, z), "pace": "fast", "cameras": False, "seed": 3, "first_controller": LONG,
+            "linger": LONG, "hand": {"side": "white"},
         }  # fmt: skip
         settings = WorldSettings.model_validate({**usual, **changes})
         (run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
         self.run_dir = run_dir
         with (run_dir / "world.log").open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.cli", "world", "--run-dir", str(run_dir)],
+                world_command(run_dir),
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=dict(os.environ),
             )  # fmt: skip
 

@@ -34,7 +34,7 @@ from hardware.sim.process.pacing import CATCH_UP, Pacer
 from hardware.sim.process.server import world_of
 from hardware.sim.process.services import SILENCE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
-from hardware.sim.render.renderer import HEIGHT, WIDTH
+from hardware.sim.render.renderer import HEIGHT, MODEL_FILE, WIDTH
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.waiting import PATIENCE, until
 
@@ -49,26 +49,44 @@ PIECES = (
 BRAKED = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
 BUSY = BRAKED._replace(busy=True)
 STANDING, WATCHDOG = DriveStatus.STANDING, DriveStatus.WATCHDOG
+LONG = 300.0
+"""A world that several tests share waits so long for the next one that uses it [s, wall]."""
+PATIENTLY = """
+import hardware.sim.process.services as services
+services.SILENCE = {}
+from app.cli import main
+main()
+"""
+"""A world for which a controller, or a reader of pictures, that says nothing is lost after so long [s, wall]."""
 
 
 def settings_for(**changes: object) -> WorldSettings:
-    """Three pieces, pace fast, no cameras, nobody waited for longer than a test likes."""
+    """Three pieces, pace fast, no cameras."""
     x, y, z = TABLE.base_from_board(np.array([0.0, 0.0, 0.12])).tolist()
-    usual = {"pieces": PIECES, "home": (x, y, z), "pace": "fast", "cameras": False, "seed": 3, "first_controller": 60.0}
-    return WorldSettings.model_validate({**usual, **changes})
+    usual = {"pieces": PIECES, "home": (x, y, z), "pace": "fast", "cameras": False, "seed": 3}
+    waits = {"first_controller": LONG, "linger": LONG}
+    return WorldSettings.model_validate({**usual, **waits, **changes})
+
+
+def world_command(run_dir: Path, *, patient: bool = True) -> list[str]:
+    """How a world is started; a patient one bears it when a test is held up between two exchanges."""
+    begin = ["-c", PATIENTLY.format("10.0")] if patient else ["-m", "app.cli"]
+    return [sys.executable, "-P", *begin, "world", "--run-dir", str(run_dir)]
 
 
 class WorldProcess:
-    """A world as the app starts it."""
+    """A world as the app starts it, but patient unless it is to be as it is."""
 
-    def __init__(self, run_dir: Path, settings: WorldSettings, environment: dict[str, str]) -> None:
+    def __init__(
+        self, run_dir: Path, settings: WorldSettings, environment: dict[str, str], *, patient: bool = True
+    ) -> None:
         run_dir.mkdir(parents=True, exist_ok=True)
         (run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
         self.run_dir = run_dir
         with (run_dir / "world.log").open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.cli", "world", "--run-dir", str(run_dir)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env={**os.environ, **environment},
+                world_command(run_dir.absolute(), patient=patient),
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env={**os.environ, **environment}, cwd=run_dir,
             )  # fmt: skip
 
     @property
@@ -99,10 +117,14 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
     worlds: list[WorldProcess] = []
 
     def start_one(
-        folder: Path | None = None, environment: dict[str, str] | None = None, **changes: object
+        folder: Path | None = None,
+        environment: dict[str, str] | None = None,
+        *,
+        patient: bool = True,
+        **changes: object,
     ) -> WorldProcess:
         run_dir = folder or tmp_path_factory.mktemp("world")
-        worlds.append(WorldProcess(run_dir, settings_for(**changes), environment or {}))
+        worlds.append(WorldProcess(run_dir, settings_for(**changes), environment or {}, patient=patient))
         return worlds[-1]
 
     yield start_one
@@ -114,6 +136,12 @@ def start(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
 def world(start: Start) -> WorldProcess:
     """One world in pace fast, shared by the tests that leave it running."""
     return start()
+
+
+@pytest.fixture(scope="module")
+def impatient(start: Start) -> WorldProcess:
+    """One that waits for a silent controller no longer than it does outside of tests."""
+    return start(patient=False)
 
 
 NO_GL = "no OpenGL through EGL here: apt-get install libegl1 libgl1-mesa-dri"
@@ -401,8 +429,8 @@ def test_who_sends_no_command_loses_the_drives(world: WorldProcess) -> None:
         controller.settle()
 
 
-def test_a_controller_may_take_its_time_until_its_first_command(world: WorldProcess) -> None:
-    bus = SimServoBus(world.run_dir)
+def test_a_controller_may_take_its_time_until_its_first_command(impatient: WorldProcess) -> None:
+    bus = SimServoBus(impatient.run_dir)
     time.sleep(1.2 * SILENCE)  # a large program's garbage is collected, say, on a busy machine
     assert bus.exchange(BRAKED).status & DriveStatus.BRAKED
     leave(bus)
@@ -442,7 +470,8 @@ def test_a_killed_controller_leaves_an_arm_on_its_brakes_for_the_next_one(world:
     assert min(np.subtract(found.angle, moving.angle)) > 0.0  # the same plant, gone on from there
 
 
-def test_a_stopped_controller_is_lost_and_told_so_when_it_wakes_up(world: WorldProcess) -> None:
+def test_a_stopped_controller_is_lost_and_told_so_when_it_wakes_up(impatient: WorldProcess) -> None:
+    world = impatient
     bus = SimServoBus(world.run_dir)
     moving = fall(bus)  # and then silence, as under SIGSTOP
     used, since = world.cpu_seconds(), time.monotonic()
@@ -785,10 +814,13 @@ def test_a_stream_takes_frames_of_what_happens_and_lets_nothing_happen(seen: Wor
         assert frames == [((HEIGHT, WIDTH, 3), tick) for tick in range(first, first + 100, 20)]
 
 
-def test_a_stream_that_nobody_reads_is_given_up(seen: WorldProcess) -> None:
-    with Controller(seen.run_dir) as controller, closing(FrameStream(seen.run_dir, "film", 10)):
+def test_a_stream_that_nobody_reads_is_given_up(start: Start, gl: bool) -> None:
+    if not gl:
+        pytest.skip(NO_GL)
+    run_dir = start(cameras=True, patient=False).run_dir
+    with Controller(run_dir) as controller, closing(FrameStream(run_dir, "film", 10)):
         before = controller.settle()
-        with closing(SimClock(seen.run_dir)) as clock:
+        with closing(SimClock(run_dir)) as clock:
             clock.sleep(100 * TICK)
         assert controller.settle() == before + 100
 
@@ -835,6 +867,8 @@ def test_the_arm_goes_on_when_every_renderer_dies_and_who_comes_anew_sees_again(
         camera = stack.enter_context(closing(SimCamera(seen.run_dir)))
         stream = stack.enter_context(closing(FrameStream(seen.run_dir, "film", 10)))
         controller.settle()
+        model, away = seen.run_dir / MODEL_FILE, seen.run_dir / "away"
+        model.rename(away)  # so that one that is killed late has not drawn anything either
         killing = threading.Event()
         killer = threading.Thread(target=kill_renderers, args=(seen, killing))
         killer.start()
@@ -845,6 +879,7 @@ def test_the_arm_goes_on_when_every_renderer_dies_and_who_comes_anew_sees_again(
         controller.settle()
         killing.set()
         killer.join()
+        away.rename(model)
         another = stack.enter_context(closing(SimCamera(seen.run_dir)))
         assert another.read().colour.std() > 10.0
         assert camera.read().colour.std() > 10.0

@@ -135,6 +135,7 @@ def test_a_killed_renderer_is_replaced_and_draws_the_same_bytes(
         ask = studio.renderer.request
 
         def ask_and_kill(shot: RenderRequest, positions: Any) -> None:
+            os.kill(first, signal.SIGSTOP)  # else it may have drawn before it is killed
             ask(shot, positions)
             os.kill(first, signal.SIGKILL)
 
