@@ -58,14 +58,17 @@ def _scheduled(
     """See `scheduled`; stiffness and damping side by side, (n, 6)."""
     in_air, at_contact, double_ratio, soft, stiff, grasp_damping, yielding, firming = gains
     out = np.empty((height.size, 6))
+    begins = _smooth((height[0] - soft) / (stiff - soft))
     for i in range(height.size):
         away = _smooth((height[i] - soft) / (stiff - soft))
-        across, upright = in_air, at_contact + away * (in_air - at_contact)
+        # with the distance, both on the way up and on the way down to the next contact; but after a contact no quicker
+        # than a tool that went to its piece, or sagged, can come back: else it would seem to be held
+        in_time = _smooth(time[i] / firming)
+        across, upright = in_air, at_contact + min(away, max(begins, in_time)) * (in_air - at_contact)
         damping = double_ratio * in_air
         if softness != _STIFF:
-            # with the distance on the way up, and on the way down to the next contact it stays; but no quicker than a
-            # tool that went to its piece can come back: else it would seem to be held
-            firm = min(max(away, _smooth((share[i] - 0.3) / 0.4)), _smooth(time[i] / firming))
+            # on the way down to the next contact it stays
+            firm = min(max(away, _smooth((share[i] - 0.3) / 0.4)), in_time)
             if softness == _BEGINS:
                 firm = max(firm, 1.0 - _smooth(begun[i] / yielding))
             across *= firm

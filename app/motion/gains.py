@@ -26,4 +26,5 @@ class Gains(Frozen):
     yielding: PositiveFloat = 0.020
     """Stiffness along z₁ goes within this time when a grasp or a release begins [s] …"""
     firming: PositiveFloat = 0.120
-    """… and comes back no quicker than this: a tool 3 mm off then comes back before the error counts as an obstacle."""
+    """… and comes back no quicker than this, that along z₃ likewise: a tool 3 mm off, or one that sags at a contact as
+    the arm weighs more than is known, then comes back before the error counts as an obstacle."""
