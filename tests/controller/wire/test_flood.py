@@ -432,6 +432,7 @@ while True:
 """
 
 
+@pytest.mark.real_time
 @pytest.mark.slow
 def test_a_game_in_real_time_goes_on_beside_a_flood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some 5,000 datagrams a second at most, three times what can be read where each takes the turn of a tick."""
