@@ -13,6 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerBusy
 from tests.waiting import PATIENCE
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
@@ -24,6 +26,15 @@ def free_port() -> int:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
             one.bind(("127.0.0.1", secrets.choice(range(20_000, 32_000))))
             return int(one.getsockname()[1])
+
+
+def connects(client: ControllerClient) -> bool:
+    """Whether the lease of the client before is over."""
+    try:
+        client.connect()
+    except ControllerBusy:
+        return False
+    return True
 
 
 class Controller:

@@ -79,8 +79,7 @@ def _scheduled(
 
 
 def scheduled(height: Vector, share: Vector, time: Vector, begun: Vector, softness: Softness, gains: Gains) -> Vector:
-    """Stiffness k_p [1/s²] and damping k_v [1/s] of each axis, (n, 6); both are continuous, with a continuous
-    derivative.
+    """Stiffness k_p [1/s²] and damping k_v [1/s] of each axis, (n, 6); both are continuous.
 
     Args:
         height: of the carried foot, or of the pads above their lowest point, over the board, shape (n,) [m].

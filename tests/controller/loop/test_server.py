@@ -41,7 +41,7 @@ from controller.wire.listener import TelemetryWatch
 from controller.wire.sockets import LOCKSTEP_SILENCE
 from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
-from tests.controllers import free_port
+from tests.controllers import connects, free_port
 from tests.waiting import PATIENCE
 
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
@@ -337,15 +337,6 @@ def test_a_lost_client_lets_the_arm_rest_and_another_one_goes_on(
         # from the stop to rest
         assert rested - telemetry.end_tick < 0.3 / 0.00088
         assert another.execute(line(telemetry.reference, HOME, 900)).result is Result.DONE
-
-
-def connects(client: ControllerClient) -> bool:
-    """Whether the lease of the client before is over."""
-    try:
-        client.connect()
-    except ControllerBusy:
-        return False
-    return True
 
 
 def test_without_a_client_it_lingers_and_ends_on_its_brakes(launch: Launch, line: Line) -> None:

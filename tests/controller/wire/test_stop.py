@@ -31,11 +31,11 @@ from controller.protocol.datagram_fields import (
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.messages import Hello, Welcome
 from controller.protocol.states import State
-from controller.wire.client import ControllerClient
 from controller.wire.endpoint import Endpoint
-from controller.wire.errors import ControllerBusy, ControllerLost, MotionRefused, MotionStopped, StopUnanswered
+from controller.wire.errors import ControllerLost, MotionRefused, MotionStopped, StopUnanswered
 from controller.wire.listener import TelemetryWatch
 from controller.wire.subscribers import SILENCE
+from tests.controllers import connects
 
 KEY = bytes(range(32))
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
@@ -394,7 +394,7 @@ def test_a_latch_outlives_its_listener_the_client_and_the_lease(
         listener.stop()
     listener.close()
     another = running.client()
-    until(lambda: _connects(another))
+    until(lambda: connects(another))
     telemetry = another.wait_standing()
     assert telemetry.latched
     with pytest.raises(MotionRefused, match="somebody pressed STOP"):
@@ -402,15 +402,6 @@ def test_a_latch_outlives_its_listener_the_client_and_the_lease(
     another.shutdown()
     until(lambda: running.status == 0)
     assert running.bus.last.brake
-
-
-def _connects(client: ControllerClient) -> bool:
-    """Whether the lease of the client before is over."""
-    try:
-        client.connect()
-    except ControllerBusy:
-        return False
-    return True
 
 
 HANGS = """
