@@ -55,7 +55,8 @@ class StateMachine:
         self._compliant_ticks = 0
         self._outside = math.inf
         """The least way outside the workspace at which the tool gave way since it was enabled [m]."""
-        self._protective = False
+        self._protective: Violation | None = None
+        """What wants the brakes once the arm rests."""
         self._settings, self._law = settings, law
         self._reference, self._admission, self._brakes = reference, admission, brakes
         self._protection, self._torques = protection, torques
@@ -96,7 +97,7 @@ class StateMachine:
         if reaction is Reaction.BRAKE:
             self.brake(trouble)
         elif reaction is Reaction.PROTECTIVE_STOP:
-            if not self._protective:
+            if self._protective is None:
                 self.stop(trouble, Event.PROTECTIVE_STOP)
         elif reaction is Reaction.COMPLIANT:
             self._comply(trouble)
@@ -119,7 +120,8 @@ class StateMachine:
             cause: why.
             event: STOP to hold afterwards, PROTECTIVE_STOP to brake afterwards.
         """
-        self._protective = self._protective or event is Event.PROTECTIVE_STOP
+        if event is Event.PROTECTIVE_STOP and self._protective is None:
+            self._protective = cause
         self._admission.awaiting = False
         if self.state in BRAKED or self._compliant_ticks:  # that ends at rest, too, and its cause matters more
             return
@@ -139,7 +141,7 @@ class StateMachine:
     def clear_fault(self) -> None:
         """A person has seen why: on the brakes until a client enables the arm."""
         if self.state is State.FAULT:
-            self._brakes.armed = self._protective = False
+            self._brakes.armed, self._protective = False, None
             self.enter(Event.CLEAR)
 
     def _comply(self, cause: Violation) -> None:
@@ -176,7 +178,7 @@ class StateMachine:
         held_back = self._give_way_at(position)
         rests = self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed
         if held_back:  # while somebody pushes it does not rest; brakes, if they are due, do not wait
-            rests = self._protective or self._brakes.retiring
+            rests = self._protective is not None or self._brakes.retiring
         if rests:
             self._compliant_ticks = 0
             self._reference.rest_softly(position)
@@ -192,7 +194,11 @@ class StateMachine:
         return off > self._outside + _AT_FENCE
 
     def _come_to_rest(self) -> None:
-        self.enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
+        if self._protective is None:
+            self.enter(Event.AT_REST)
+        else:
+            self.cause = self._protective  # whatever else has stopped it: this is to be mended before it moves again
+            self.enter(Event.PROTECTIVE_STOP_AT_REST)
 
     def let_go(self, tactile: tuple[float, float]) -> None:
         """A tick of fingers that pressed too hard: open until neither feels much, or long enough [N]."""

@@ -14,7 +14,9 @@ ControllerError
 
 from __future__ import annotations
 
+from controller.protocol.causes import Cause
 from controller.protocol.messages import Busy, Telemetry
+from controller.protocol.states import State
 
 
 class ControllerError(Exception):
@@ -57,7 +59,9 @@ class MotionRefused(ControllerError):
     """The motion was not begun."""
 
     def __init__(self, telemetry: Telemetry) -> None:
-        super().__init__(f"the controller refused motion {telemetry.ended_motion}: {telemetry.explain_reason()}")
+        braked = telemetry.reason is Cause.NOT_HOLDING and telemetry.state is State.FAULT
+        why = f"the arm is on its brakes: {telemetry.explain_cause()}" if braked else telemetry.explain_reason()
+        super().__init__(f"the controller refused motion {telemetry.ended_motion}: {why}")
         self.cause = telemetry.reason
 
 

@@ -285,6 +285,8 @@ def test_a_fault_is_told_and_can_be_cleared(launch: Launch, line: Line, monkeypa
         running.bus.on_tick = _At(1400, lambda: setattr(running.bus, "status", DriveStatus.FAULT))
         with pytest.raises(MotionStopped, match=r"a drive reports a fault"):
             client.execute(line(HOME, AWAY, 900))
+        with pytest.raises(MotionRefused, match=r"refused motion 2: the arm is on its brakes: a drive reports a fault"):
+            client.execute(line(client.wait_standing().reference, AWAY, 900))
         with monkeypatch.context() as patch:
             patch.setattr("controller.wire.client._COMMAND_TIMEOUT", 0.2)
             with pytest.raises(

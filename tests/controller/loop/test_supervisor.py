@@ -581,6 +581,8 @@ def test_who_drags_on_and_on_finds_brakes_where_a_motor_is_too_hot_or_the_contro
         rig.supervisor.machine.retire()
     rig.run(400)
     assert rig.supervisor.machine.braked
+    if hot:
+        assert rig.supervisor.cause.cause is Cause.RMS_TORQUE, "not what it gave way to: that is no reason for brakes"
     assert 0.30 < rig.supervisor.law.state.position[1] < 0.30 + 0.03
 
 
