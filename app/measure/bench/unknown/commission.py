@@ -11,7 +11,7 @@ from __future__ import annotations
 import random
 import tempfile
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import chdir, closing
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -144,7 +144,7 @@ def whole(kind: Drives, seed: int, progress: Progress) -> tuple[CommissionReport
     """One robot, from nothing to the end of its first game, or to a step that fails again and again; and how many were
     done again, as they say themselves that they may be.
     """
-    with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
+    with tempfile.TemporaryDirectory(prefix="touchmove-") as folder, chdir(folder):  # where its game goes
         rig = unknown_rig(Path(folder), kind, seed)
         file = Path(folder) / RIG_FILE
         save_rig(rig, file)
