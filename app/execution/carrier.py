@@ -158,7 +158,7 @@ class Carrier:
             UserError: the computer was late too often; or as the planner.
         """
         state = self._devices.arm.state()
-        self._step = begun
+        self._step, self.midway = begun, begun is not None
         pauses, yields, resumed = 0, 0, begun is not None
         while True:
             progress: Progress | None = None
@@ -313,7 +313,7 @@ class Carrier:
             # what was carried already is no longer where it was seen
             misplaced = [one for one in job.misplaced if one.piece.name not in {each.name for each in job.transfers}]
             elsewhere = {one.piece.name for one in misplaced}
-            now = Inventory.of((piece for piece in now if piece.name not in elsewhere), now.table)
+            now = now.without(elsewhere)
             plan = self._planner(now, state).ply(
                 job.label, rest, now, holding=progress is not None and progress.holding, low=progress is not None,
                 loose=loose_pieces(misplaced),

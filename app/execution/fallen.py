@@ -13,7 +13,7 @@ import numpy as np
 from app.execution.repair import Ask, Repair, Whereabouts
 from app.execution.repair.diagnosis import missing_ask
 from app.pieces.inventory import Inventory, Transfer
-from app.pieces.order import Point
+from app.pieces.order import Point, rearrange
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.misplaced import PUT_BY
@@ -131,6 +131,22 @@ def bounced_out(
     return Leaning(tuple(spots), frozenset(), tuple(misplaced), replace(ask, sentence=sentence))
 
 
+def continued(stands: Inventory, wanted: Inventory, gone: Set[str], astray: Sequence[PieceSpec]) -> Repair | Ask | None:
+    """Where the board shows what it should: what is still to be carried, then what a person has to bring.
+
+    Args:
+        stands: what stands where.
+        wanted: what shall.
+        gone: names of pieces that are not where they should be.
+        astray: those that are believed in boxes, and may not be there.
+    """
+    there = stands.without(gone)
+    transfers = rearrange(there, wanted.without(gone))
+    missing = [*astray, *map(wanted.find, sorted(gone))]
+    ask = missing_ask(missing) if missing else None
+    return Repair(there, transfers, "the arm continues", ask) if transfers else ask
+
+
 def whereabout(at: Point, table: TableSettings) -> str:
     """Where a point of the board frame [m] is, for people."""
     half = 4.0 * table.square
@@ -140,14 +156,16 @@ def whereabout(at: Point, table: TableSettings) -> str:
     return f"on {square_place(chess.square(min(file, 7), min(rank, 7)))}"
 
 
-def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:
-    """With the pieces that are in nobody's sight, where they were, or wherever there is room for them."""
+def with_missing(stands: Inventory, before: Inventory, wanted: Inventory, but: Set[Place] = frozenset()) -> Inventory:
+    """With the pieces that are in nobody's sight, where they were, or wherever there is room for them; not on some
+    places.
+    """
     there = {piece.name for piece in stands}
     for piece in before:
         if piece.name in there:
             continue
         places = (piece.place, wanted.find(piece.name).place, *stands.table.tray_places())
-        free = next(place for place in places if stands.at(place) is None)
+        free = next(place for place in places if place not in but and stands.at(place) is None)
         stands = Inventory.of((*stands, replace(piece, place=free)), stands.table)
     return stands
 

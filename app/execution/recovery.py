@@ -24,6 +24,7 @@ from app.execution.fallen import (
     Fallen,
     Leaning,
     bounced_out,
+    continued,
     leaning,
     unaided,
     whereabout,
@@ -39,7 +40,6 @@ from app.execution.repair.lost_pieces import LostPieces
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import PlanRefused
 from app.pieces.inventory import Inventory
-from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose, RepairedBy
 from app.terminal.game_display import UserInterface
@@ -161,7 +161,8 @@ class Recovery:
                 if step.transfers:
                     rounds, counted = (rounds if counted else _next_round(rounds, faults)), False
                     before = stands
-                    stands, took, step = self._carry(step, faults)
+                    known = with_missing(step.believed, before, wanted, {one.target for one in step.transfers})
+                    stands, took, step = self._carry(step, faults, known)
                     stands, duration = with_missing(stands, before, wanted), duration + took
                 else:  # it has come to stand where it shall
                     stands, step = with_missing(step.believed, stands, wanted), step.rest
@@ -200,11 +201,10 @@ class Recovery:
         alone = unaided(missing, stands, wanted, misplaced, handled, people=board is not None)
         self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:
-            rest, gone = rearrange(stands, wanted), self._lost.astray(stands)
-            last = missing_ask(gone) if gone else None
             if strange and alone is None:
                 return (), bounced_out(strange, dropped, tuple(misplaced()), stands)
-            return (), alone or (Repair(stands, rest, "the arm continues") if rest else last)
+            gone = self._lost.not_in_trays(stands, seen, misplaced)
+            return (), alone or continued(stands, wanted, gone, self._lost.astray(stands))
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             if not self.observer.deep:  # what looks fallen to colours alone may well stand
@@ -321,14 +321,16 @@ class Recovery:
         self._swung[name] += 1
         return self._clearing.swing(one, misplaced, stands)
 
-    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
+    def _carry(
+        self, step: Repair, faults: Sequence[Fault], known: Inventory
+    ) -> tuple[Inventory, float, Repair | Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], and what has to be done
         before it could be, or, by a person, afterwards.
         """
         label, now = "put the board right", self._clock.now()
         self._note(faults, "arm", now)
         self._ui.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
-        self._record.found(step.believed, _sentence(faults) or "not everything is carried yet", now)
+        self._record.found(known, _sentence(faults) or "not everything is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         self.observer.forget_likeness()
         try:
@@ -340,21 +342,19 @@ class Recovery:
             self._lost.forget(transfer.name for transfer in step.transfers[: failure.done])
             self.note_loss(failure)
             return failure.inventory, 0.0, None
-        except UserError as error:
+        except PlanRefused as refused:
             if not self._carrier.untouched:
                 raise
-            return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
+            return step.believed, 0.0, self._around(refused, step, faults)  # the fingers do not get at it
         self._lost.forget(transfer.name for transfer in step.transfers)
         # what a person would be asked for may be in sight now
         rest = None if isinstance(step.rest, Ask) else step.rest
         return step.believed.after_all(step.transfers), carried.done.duration, rest
 
-    def _around(self, refused: UserError, step: Repair, faults: Sequence[Fault]) -> Repair | Ask | None:
+    def _around(self, refused: PlanRefused, step: Repair, faults: Sequence[Fault]) -> Repair | Ask | None:
         """What makes room for a carry that was refused; None: the board wants another look."""
-        cleared: Repair | bool = False
-        if isinstance(refused, PlanRefused):
-            self._loose = tuple(self.observer.misplaced(step.believed))
-            cleared = self._clearing.around(refused, step, self._loose)
+        self._loose = tuple(self.observer.misplaced(step.believed))
+        cleared = self._clearing.around(refused, step, self._loose)
         return None if cleared is True else cleared or Ask(str(refused), squares_of(faults))
 
     def _ask(self, step: Ask, faults: Sequence[Fault], stands: Inventory) -> None:

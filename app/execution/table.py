@@ -18,7 +18,7 @@ from app import UserError
 from app.execution.carrier import Begun, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, goal_of
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
-from app.pieces.inventory import Inventory, Ply
+from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
@@ -113,12 +113,12 @@ class Table:
         ply = transfers(self.board, move, self.inventory)
         return self._do_ply(ply, None, remark, answers=answers)
 
-    def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
-        """A move was made by hand, and seen or told; what stands badly since is put right. False as of ``arm_ply``."""
+    def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK, answers: bool = False) -> bool:
+        """A move was made by hand, and seen or told; what stands badly since is put right. As ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
         outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
-        return done and self.repair()
+        return done and self.repair(AwaitedReply(self.board.copy()) if answers else None)
 
     def take_back(self, plies: int) -> bool:
         """The arm takes the last plies back; False as of ``arm_ply``.
@@ -156,7 +156,7 @@ class Table:
             return True
         recovered = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
         self.replied = recovered.answered
-        if not recovered.jobs:
+        if not recovered.jobs and self._record.unfinished is None:
             return True
         outcome = PlyOutcome(real=recovered.duration or None)
         return self._conclude_task(recovered.inventory, outcome, self.board, answered=recovered.answered)
@@ -212,10 +212,26 @@ class Table:
     def finish(self) -> bool:
         """The arm does a job to its end that it was stopped in and nobody goes on with; False as of ``arm_ply``."""
         if not self._carrier.midway:
+            self._carrier.bring_home(self.inventory)  # it may have been stopped where it stood a piece up
             return True
         self._ui.say("the arm first finishes what it has begun")
         self._unfinished, self.inventory = self._record.unfinished, self._record.stands(self.inventory)
         return self._finish()
+
+    def give_up(self, reason: str) -> bool:
+        """The game goes on where it stood, whatever was begun; what was moved for that is put back by the next repair.
+
+        Returns:
+            False where it cannot: there may be a piece in the fingers.
+        """
+        if self._carrier.midway:
+            return False
+        unfinished = self._record.unfinished
+        if unfinished is not None and (unfinished.uci, unfinished.task) != (None, None):
+            self._record.task_dropped(reason, self.now())
+            if unfinished.touched:
+                self._record.found(self._record.stands(self.inventory), reason, self.now())
+        return True
 
     def _left_with(self, position: chess.Board) -> AwaitedReply | None:
         """The reply to a position that was reached before anybody looked again."""
@@ -260,7 +276,8 @@ class Table:
             wanted = self.inventory.after_all(job.transfers)
             carried = self._carry(job, wanted, begun, self._left_with(board))
         except UserError as error:
-            if self._carrier.untouched:
+            unfinished = self._record.unfinished
+            if self._carrier.untouched and unfinished is not None and not unfinished.touched:
                 self._record.task_dropped(str(error), self.now())
             raise
         return self._conclude_task(carried.inventory, carried.outcome, board, answered=carried.answered)
@@ -299,6 +316,8 @@ class Table:
                 seen = None if self.observer is None else self.observer.seen
                 outcome = self._carrier.carry(job, self.inventory, begun, seen).outcome
             except BoardTouched:
+                if job.uci is not None:  # whoever goes on with the record knows what the arm carries then
+                    self._record.step(job.uci, 0, Stage.APPROACH, self.now(), durable=True)
                 stands = self.inventory  # as far as is known: recovery looks first, then carries
             except CarryFailed as failure:
                 if self._recovery is None:

@@ -13,7 +13,7 @@ from app.execution.table import Table
 from app.game.bystander import Bystander
 from app.game.clock import side_name
 from app.game.human_turn import HumanTurn
-from app.game.person import GameLeft
+from app.game.person import GameLeft, end_of
 from app.game.remote_turn import RemoteTurn
 from app.game.timing import Timing
 from app.players.ending import GameEnd, Result, plies_in_words
@@ -84,7 +84,9 @@ class Game:
     def _left(self, left: GameLeft) -> GameEnd:
         if self._remote is not None:
             return self._remote.leave(left.word)
-        return LEFT if self._human is None else self._human.left(left.word, left.wish)
+        return (
+            end_of(left.word, left.wish, chess.WHITE) if self._human is None else self._human.left(left.word, left.wish)
+        )
 
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board

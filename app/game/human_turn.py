@@ -88,35 +88,47 @@ class HumanTurn:
             self._prompt()
         self._timing.start(self._colour)
         other: Command | None = None
-        while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
-            line, unseen, command, other = None, self._table.replied, other, None
+        while self._is_to_move(done):
+            end, line, unseen, command, other = None, None, self._table.replied, other, None
             if not unseen and command is None:
                 before = self._table.board.move_stack.copy()
                 if (end := self._heed()) is not None or self._table.board.move_stack != before:
                     return end
                 line = self._listen()
             try:
-                if unseen:
-                    end = self._take_up()
-                elif command is not None or line is not None:
-                    end = self._obey(command or parse_command(line or "", self._table.board, self._human.refusal))
-                else:
-                    end = self._glance()
+                end = self._take_up() if unseen else self._heard(command, line)
             except (PersonGone, RecordError, RigGone, ArmPaused, NeedsHand, NeedsGo, GameLeft):
                 raise
             except Interjected as instead:
-                other, end = instead.command, None
+                other = instead.command
                 self._timing.start(self._colour)
             except (UserError, HardwareError, EngineProblem) as error:  # the game stands where it stood
-                self._tell(str(error))
-                self._timing.start(self._colour)
-                end = None
+                self._failed(error, done)
             if (end := end or self._flag()) is not None:
                 return end
-            at_it = len(self._table.board.move_stack) == done and self.plays(self._table.board.turn)
-            if at_it and other is None and (unseen or command is not None or line is not None):
+            if self._is_to_move(done) and other is None and (unseen or command is not None or line is not None):
                 self._prompt()
         return None
+
+    def _heard(self, command: Command | None, line: str | None) -> GameEnd | None:
+        """Something was said, or nothing."""
+        if command is None and line is None:
+            return self._glance()
+        return self._obey(command or parse_command(line or "", self._table.board, self._human.refusal))
+
+    def _failed(self, error: Exception, done: int) -> None:
+        """Something that was wanted could not be done; the game goes on unless a piece may be in the fingers."""
+        if not self._table.give_up(str(error)):
+            raise error
+        if str(error) != self._told:  # a camera that is lost is not told of five times a second
+            self._ui.say(str(error))
+        self._told = str(error)
+        if self._is_to_move(done):  # or else their move stands, and the look after it has failed
+            self._timing.start(self._colour)
+
+    def _is_to_move(self, done: int) -> bool:
+        """Whether the ply after so many is still to be made, and by them."""
+        return len(self._table.board.move_stack) == done and self.plays(self._table.board.turn)
 
     def _listen(self) -> str | None:
         if self._table.permission.stopped is not self._stopped:  # somebody has pressed STOP while nothing moved
@@ -138,22 +150,13 @@ class HumanTurn:
 
     def _flag(self) -> GameEnd | None:
         """The game's end by time; not while what a hand has left may be the move: it counts from when the hand went."""
-        undecided = self._unsaid is not None or self._notice.leaving() or self._notice.untold
-        if undecided or not self.plays(self._table.board.turn):
-            return None
-        return self._timing.fallen(self._table.board)
-
-    def _tell(self, sentence: str) -> None:
-        """Say what cannot be done; a camera that is lost is not told of five times a second."""
-        if sentence != self._told:
-            self._ui.say(sentence)
-        self._told = sentence
+        decided = self._unsaid is None and not self._notice.leaving() and not self._notice.untold
+        return self._timing.fallen(self._table.board) if decided and self.plays(self._table.board.turn) else None
 
     def wait(self, sentence: str) -> None:
         """Until the person says 'go'; ``GameLeft`` is raised where they leave instead."""
-        PersonAttendant(self._human.lines, self._ui, require=self._human.require, refusal=self._human.refusal).wait(
-            sentence
-        )
+        human = self._human
+        PersonAttendant(human.lines, self._ui, require=human.require, refusal=human.refusal).wait(sentence)
 
     def left(self, word: Word, wish: NewGame | None = None) -> GameEnd:
         """How the game has ended for a person who said quit, resign, new or keep."""
@@ -179,6 +182,8 @@ class HumanTurn:
             return self.left(Word.NEW, command)
         if self._remote is not None and command in ANY_TIME:
             return self._remote.obey(command)
+        if command in (Word.RESIGN, Word.NEW, Word.QUIT):
+            return self.left(command)
         words: dict[Word, Callable[[], GameEnd | None]] = {
             Word.LOOK: lambda: self._read(None, self._timing.now()),
             Word.FIX: lambda: None if self._table.repair() else WRONG,
@@ -189,10 +194,7 @@ class HumanTurn:
             Word.PAUSE: self._pause,
             Word.GO: self._go,
             Word.SIDE: self._change_sides,
-            Word.RESIGN: lambda: self.left(Word.RESIGN),
-            Word.NEW: lambda: self.left(Word.NEW),
             Word.KEEP: self._keep,
-            Word.QUIT: lambda: self.left(Word.QUIT),
             **dict.fromkeys((Word.DECLINE, Word.ABORT, Word.CLAIM), lambda: self._ui.say(_HERE)),
         }
         return words[command]()
@@ -366,7 +368,9 @@ class HumanTurn:
             self._table.observer.confirm(after, reading.look)
         if self._remote is not None:
             self._remote.tell(move)
-        well = self._table.hand_ply(move, Remark(clocks=self._timing.left))
+        well = self._table.hand_ply(move, Remark(clocks=self._timing.left), answers=self._human.both)
+        if self._notice.untold:  # what a hand has done since is read as any other move
+            self._table.replied = False
         if self._remote is not None:
             self._remote.stands()
         return self._advising.after_move() if well else WRONG

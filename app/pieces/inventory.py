@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -163,6 +163,10 @@ class Inventory:
             if piece.name == name:
                 return piece
         raise InventoryError(f"there is no piece named {name}")
+
+    def without(self, names: Collection[str]) -> Inventory:
+        """Where all others stand."""
+        return Inventory.of((piece for piece in self if piece.name not in names), self.table)
 
     def spares(self, kind: Kind, colour: Colour) -> tuple[PieceSpec, ...]:
         """Pieces beside the board that can serve for a promotion: spares and captured ones alike, but none in a box."""

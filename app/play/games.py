@@ -9,7 +9,6 @@ from pathlib import Path
 
 import chess
 
-from app.execution.state import LEFT
 from app.game import GameEnd
 from app.game.person import GameLeft, ask
 from app.pieces.layout import start_layout
@@ -74,8 +73,7 @@ class GameSeries:
         if self._puzzles and again and number > len(self._puzzles):
             self._puzzles = ()  # whoever wants another game after the last one plays against the engine
         if self._puzzles:
-            more = number <= len(self._puzzles) and last is not LEFT
-            return _puzzle(self._puzzles[number - 1], self.human) if more else None
+            return _puzzle(self._puzzles[number - 1], self.human) if number <= len(self._puzzles) else None
         if self._replayed:
             if number > len(self._replayed):
                 return None
@@ -101,7 +99,7 @@ class GameSeries:
     def _wanted(self, number: int, last: GameEnd) -> bool:
         """Whether the person, who goes on watching after the last game, wants another one; as which is granted."""
         human = self.human
-        if human is None or last is LEFT or last.kept or number <= self._most or not human.lines.accompanied:
+        if human is None or last.kept or number <= self._most or not human.lines.accompanied:
             return False
         question = f"{last.reason}, result {last.result}: another game?"
         words = (Word.NEW, Word.QUIT)

@@ -181,7 +181,9 @@ class Match:
                 require_empty_fingers(devices.arm.state().felt)
             return self._round(devices, self._start.record, self._start.position)
         assert self._table is not None
-        if self._sets_up and not last.again:
+        if last is LEFT or (self._sets_up and last is not SET_UP and not last.again):  # where nobody sees what is kept
+            return None
+        if self._sets_up and last is SET_UP:
             assert self._fixture is not None
             if not self._fixture.plies:
                 return None

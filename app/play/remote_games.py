@@ -12,7 +12,7 @@ from typing import Final, Protocol
 
 import chess
 
-from app.execution.state import LEFT, Devices
+from app.execution.state import Devices
 from app.game import GameEnd
 from app.play.match import Fixture, Match
 from app.play.session import Round
@@ -108,7 +108,7 @@ class RemoteSeries:
 
 @dataclass(frozen=True, slots=True)
 class RemoteSchedule:
-    """A ``Schedule`` that begins a match once the rig is open, and ends it when the person here leaves.
+    """A ``Schedule`` that begins a match once the rig is open.
 
     Attributes:
         match: of a ``RemoteSeries``.
@@ -126,6 +126,4 @@ class RemoteSchedule:
         """
         if last is None:
             self.begin(devices.clock.now())
-        elif last is LEFT:
-            return None
         return self.match.next(devices, last)

@@ -50,6 +50,11 @@ class Unfinished:
     transfer: int | None = None
     stage: Stage | None = None
 
+    @property
+    def touched(self) -> bool:
+        """Whether pieces may stand elsewhere than before it was begun."""
+        return self.transfer is not None or self.repair is not None
+
 
 @dataclass(frozen=True, slots=True)
 class History:
@@ -120,7 +125,9 @@ class RecordState:
                 self.places.update(event.inventory)
                 self.unfinished = None
             case StepEvent():
-                begun = self.unfinished or Unfinished(event.uci)
+                begun = self.unfinished
+                if begun is None or event.uci not in (None, begun.uci):  # what was begun before was given up
+                    begun = Unfinished(event.uci)
                 self.unfinished = replace(begun, transfer=event.transfer, stage=event.stage)
             case FoundEvent():
                 self.places.update(event.inventory)

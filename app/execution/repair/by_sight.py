@@ -83,6 +83,7 @@ class Whereabouts:
         moved: names of those that were carried.
         missing: pieces of the board that do not stand in sight, though nothing hides their places.
         nudged: names of those out of play that were pushed off their places, and have not been carried.
+        hidden: places of which nobody can tell whether a piece stands there.
         lying: where something does not stand, or more than one thing is, board frame [m]; they are some of the missing
             pieces.
     """
@@ -92,6 +93,7 @@ class Whereabouts:
     missing: tuple[PieceSpec, ...]
     lying: tuple[Point, ...] = ()
     nudged: frozenset[str] = frozenset()
+    hidden: frozenset[Place] = frozenset()
 
     def fallen_beside(self, stands: Inventory) -> set[Place]:
         """Places in trays whose pieces are not seen to stand, where something lies."""
@@ -144,7 +146,7 @@ def whereabouts(
     nudged = frozenset(
         name for name, away in off.items() if _NUDGED < away <= _HOME and stands.find(name).place.in_tray
     )
-    return Whereabouts(standing, moved, tuple(missing), lying, nudged)
+    return Whereabouts(standing, moved, tuple(missing), lying, nudged, seen.hidden)
 
 
 def boxed(stands: Inventory) -> list[PieceSpec]:

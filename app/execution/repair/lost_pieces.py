@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence, Set
 from typing import Final
 
@@ -11,6 +12,7 @@ from app.execution.repair.by_sight import Whereabouts
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point
 from hardware.table import PieceSpec, Place, square_place
+from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.placement_faults import Fault, FaultKind
 
 SAME_SPOT: Final = 0.02
@@ -29,6 +31,8 @@ class LostPieces:
         nothing had been dropped into the box since the board was last right."""
         self._held: frozenset[str] | None = None
         """Those that were in boxes when the board was last right; None: it has not been, as far as is known."""
+        self._missed = Counter[str]()
+        """How often the fingers have felt nothing where a piece was taken to be, since the board was last right."""
         self._strange: Sequence[Point] = ()
         """Where something lay that may be a piece, when it was last looked for."""
         self._no_pieces: Sequence[Point] = ()
@@ -44,6 +48,7 @@ class LostPieces:
         name, target = failure.transfer.name, failure.transfer.target
         self.forget({name})
         self._names.add(name)
+        self._missed[name] += failure.loss is Loss.NOT_GRIPPED
         if failure.over_box:
             self._boxed.add(name)
         elif target.in_box:
@@ -62,6 +67,7 @@ class LostPieces:
     def all_right(self, stands: Inventory) -> None:
         """Nothing is lost any more; this is what stands where."""
         self.forget(tuple(self._names))
+        self._missed.clear()
         self._held = frozenset(piece.name for piece in stands if piece.place.in_box)
 
     def dropped(self, stands: Inventory) -> list[PieceSpec]:
@@ -79,6 +85,7 @@ class LostPieces:
         """Somebody has been asked for these, and says that they are where they should be."""
         names = tuple(names)
         self.forget(names)
+        self._missed.clear()
         self._held = (self._held or frozenset()).union(names)
         if not self.dropped(stands):
             self._no_pieces = self._strange
@@ -107,6 +114,21 @@ class LostPieces:
         return [
             one for one in boxed if (one.place in empty or one in seen.missing) and wanted.find(one.name).place.in_box
         ]
+
+    def not_in_trays(
+        self, stands: Inventory, seen: Whereabouts | None, misplaced: Callable[[], Iterable[MisplacedPiece]]
+    ) -> set[str]:
+        """Names of those that are believed in trays, and are neither seen there nor ``misplaced``: what something hides
+        may be there, unless the fingers have felt nothing twice.
+        """
+        if seen is None:
+            return set()
+        hidden, places = seen.hidden, {name: stands.find(name).place for name in self._names - seen.standing.keys()}
+        gone = {
+            name for name, place in places.items()
+            if place.in_tray and (place not in hidden or self._missed[name] > 1)
+        }  # fmt: skip
+        return gone - {one.piece.name for one in misplaced()} if gone else gone
 
     def astray(self, stands: Inventory) -> list[PieceSpec]:
         """Those that are believed in boxes, and were not seen to come into them."""

@@ -11,16 +11,17 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.carrier import SPARED, Carrier
+from app.execution.carrier import SPARED, Begun, Carrier
 from app.execution.interruption import BoardTouched
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
 from app.execution.state import Attendant, Clearance, Devices, Job
-from app.game.person import UnattendedAttendant
+from app.game.person import GameLeft, UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan, Planner
-from app.pieces.inventory import Inventory
+from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
+from app.players.commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
 from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, Outcome, TouchedElsewhere
@@ -230,6 +231,24 @@ def test_what_somebody_stops_besides_carrying_ends_at_home_once_they_say_go(
     assert [(one.kind, one.sentence) for one in troubles] == [("stopped", WENT_ON)] * presses
     assert carrier.untouched
     assert not carrier.midway
+
+
+def test_who_leaves_before_a_begun_job_is_gone_on_with_leaves_it_midway(tmp_path: Path) -> None:
+    """So that whoever begins something else first does it to its end: there is a piece in the fingers."""
+
+    class Leaving:
+        def wait_for_go(self, sentence: str) -> None:
+            raise GameLeft(Word.NEW)
+
+    arm = Arm()
+    arm.stopped = True
+    arm.state = arm.settle = lambda: ArmAtRest(arm.at, 0.005, 0, 4.0)  # type: ignore[method-assign]
+    carrier, record = carrier_of(arm, None, tmp_path, Leaving())
+    ply = transfers(chess.Board(), chess.Move.from_uci("e2e4"), STANDS)
+    with record:
+        with pytest.raises(GameLeft):
+            carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS, Begun(0, Stage.CARRY))
+        assert carrier.midway
 
 
 @pytest.mark.parametrize("what", ["carry", "push", "stand up"])

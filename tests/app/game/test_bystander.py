@@ -54,6 +54,9 @@ def test_words_that_make_no_sense_are_answered_and_change_nothing(tmp_path: Path
 def test_a_game_is_left_or_given_up_for_another_one(tmp_path: Path) -> None:
     assert demo(tmp_path / "left", "quit")[1] == ["0 left by the person at the board"]
     assert demo(tmp_path / "paused", "pause", "quit")[1] == ["0 left by the person at the board"]
+    both = ["0 given up for a new game", "4 4 plies played"]
+    assert sorted(demo(tmp_path / "another", "new")[1]) == both
+    assert sorted(demo(tmp_path / "another paused", "pause", "new")[1]) == both
 
 
 def test_who_watches_and_says_nothing_changes_nothing(tmp_path: Path) -> None:

@@ -87,10 +87,11 @@ class Listening(HumanTurn):
     def __init__(self, *answers: GameEnd | Exception) -> None:
         self.answers, self.told = list(answers), list[str]()
         self._colour, self._remote = chess.WHITE, None
-        self._table: Any = SimpleNamespace(board=chess.Board(), replied=False)
+        self._table: Any = SimpleNamespace(board=chess.Board(), replied=False, give_up=lambda _: True)
         self._timing: Any = SimpleNamespace(start=lambda _colour: None)
         self._human: Any = SimpleNamespace(both=False, refusal=lambda _: None)
-        self._ui: Any = SimpleNamespace(answered=lambda: None)
+        self._ui: Any = SimpleNamespace(answered=lambda: None, say=self.told.append)
+        self._told = ""
 
     def _prompt(self) -> None:
         pass
@@ -103,9 +104,6 @@ class Listening(HumanTurn):
 
     def _listen(self) -> str:
         return "look"
-
-    def _tell(self, sentence: str) -> None:
-        self.told.append(sentence)
 
     def _obey(self, command: Any) -> GameEnd:
         answer = self.answers.pop(0)
@@ -121,6 +119,29 @@ def test_a_device_that_fails_is_told_and_may_be_tried_again() -> None:
     turn = Listening(HardwareError("the camera gives no picture"), LEFT)
     assert turn.take() is LEFT
     assert turn.told == ["the camera gives no picture"]
+
+
+def test_what_left_a_piece_in_the_fingers_ends_the_game_for_another_program_to_go_on_with() -> None:
+    turn = Listening(HardwareError("the camera gives no picture"), LEFT)
+    turn._table.give_up = lambda _: False
+    with pytest.raises(HardwareError):
+        turn.take()
+    assert turn.told == []
+
+
+def test_nobodys_clock_starts_again_for_a_move_that_stands_though_the_look_after_it_failed() -> None:
+    turn = Listening(HardwareError("the camera gives no picture"))
+    started = list[chess.Color]()
+    turn._timing.start = started.append
+    obey = turn._obey
+
+    def plays(command: Any) -> GameEnd:
+        turn._table.board.push_uci("e2e4")
+        return obey(command)
+
+    turn._obey = plays  # type: ignore[method-assign]
+    assert turn.take() is None
+    assert started == [chess.WHITE], "as the turn began"
 
 
 def test_where_all_devices_are_gone_nothing_is_tried_again() -> None:

@@ -276,6 +276,31 @@ def test_a_stop_while_the_pieces_are_set_up_is_gone_on_from(tmp_path: Path, arms
     assert steps
 
 
+@pytest.mark.parametrize("midway", [True, False])
+def test_who_quits_one_of_several_games_begins_no_other(tmp_path: Path, arms: list[StoppableArm], midway: bool) -> None:
+    """With a piece in the fingers or not: what was left is what another program goes on with."""
+    stop = (lambda: setattr(arms[0], "stop_at", once(Stage.CARRY)),) if midway else ()
+    left = play(tmp_path / "game", Script(*stop, "e4", "quit"), Told(), white__player="human", game__games=2)
+    assert left.resumable
+    assert left.folder == tmp_path / "game"
+    assert {path.name for path in (tmp_path / "game").iterdir() if path.is_dir()} <= {"frames"}
+    done = resume_games(tmp_path / "game", Told(), Script("resign", "quit"))
+    assert done.before[0].report.result == "0-1"
+
+
+def test_who_quits_while_the_pieces_are_set_up_plays_no_game_on_that_board(
+    tmp_path: Path, arms: list[StoppableArm]
+) -> None:
+    script = Script("e4", lambda: setattr(arms[0], "stop_at", once(Stage.CARRY, transfer=1)), "new", "quit")
+    left = play(tmp_path / "game", script, Told(), white__player="human")
+    assert left.resumable
+    assert left.folder == tmp_path / "game" / "set-up-2"
+    assert not (tmp_path / "game" / "game-2").exists()
+    done = resume_games(tmp_path / "game", Told(), Script("go", "resign"))
+    assert done.folder == tmp_path / "game" / "game-2"
+    assert done.report.result == "0-1"
+
+
 # who is asked
 
 
