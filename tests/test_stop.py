@@ -38,7 +38,7 @@ with TelemetryWatch(*find_controller(Path(sys.argv[1]))) as watch:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pace", ["fast", "real"])
+@pytest.mark.parametrize("pace", ["fast", pytest.param("real", marks=pytest.mark.real_time)])
 def test_a_program_that_hangs_cannot_keep_the_arm_from_stopping(demo, pace):
     run, told = demo("--pace", pace, "--no-cameras", "--moves", LINE, "--linger", "60"), list[Telemetry]()
     run.until((run.folder / "run" / "controller.json").exists, "the controller")
