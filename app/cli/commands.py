@@ -54,7 +54,7 @@ def _refused(error: TyperException) -> str | None:
     if not isinstance(cause, ValidationError) or parameter is None:
         return None
     first = cause.errors(include_url=False)[0]
-    name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.human_readable_name
+    name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.display_name_raw
     return f"{name} is '{first['input']}': {demand(first)}"
 
 

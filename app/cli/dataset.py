@@ -20,7 +20,9 @@ _NONE = "none"
 
 
 def dataset(
-    folder: Annotated[Path, typer.Argument(help="Folder of a game, a match, a campaign, or of several games.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a game, a match, a campaign, or of several games.", exists=True)
+    ],
     output: Annotated[
         Path,
         options.output("Folder of the dataset, which must not be there yet.", "--out"),

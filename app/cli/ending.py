@@ -38,6 +38,8 @@ PIPED_WIDTH = 160
 """Of tables that go into a file or to another program: nothing of them is folded [characters]."""
 
 
+NOBODY_READS: Final = 128 + signal.SIGPIPE
+"""Status of a program whose output nobody reads any more, as shells have it."""
 INTERRUPTED: Final = "interrupted; nothing is still running"
 _IMPORTS: Final = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
 """Where Python's own code stands that runs while a module is loaded."""
@@ -57,7 +59,7 @@ def fail(sentence: str, status: int = 2) -> NoReturn:
 def heard() -> Iterator[None]:
     """A standard output that takes nothing more, such as a file on a full disk, ends the program with a sentence.
 
-    What nobody reads any more (a pipe into ``head``) ends it silently, with status 1.
+    What nobody reads any more (a pipe into ``head``) ends it silently, with the status of a program that this ends.
     """
     try:
         try:
@@ -70,7 +72,7 @@ def heard() -> Iterator[None]:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python writes what is left once more as it ends
         if error.errno == errno.EPIPE:
-            sys.exit(1)
+            sys.exit(NOBODY_READS)
         print(f"touchmove: the output cannot be written: {error.strerror}: send it elsewhere", file=sys.stderr)
         sys.exit(2)
 

@@ -94,7 +94,9 @@ def analyse(
 
 
 def film(
-    folder: Annotated[Path, typer.Argument(help="Folder of the game, which may still be running or have broken off.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of the game, which may still be running or have broken off.", exists=True)
+    ],
     camera: Annotated[
         str, typer.Option(help="film, camera, or viewpoint and target [m], such as 0.5,-0.6,0.4:0,0,0.1.")
     ] = "film",

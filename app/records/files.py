@@ -173,14 +173,16 @@ def new_folder(parent: Path, now: datetime) -> Path:
         return folder
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
+def write_atomically(path: Path, content: str | bytes, remedy: str = _ELSEWHERE) -> None:
     """Replace a file as a whole: a reader, also after a crash, finds the old content or the new one.
+
+    ``remedy`` is what a person can do where that fails.
 
     Raises:
         RecordError: it cannot be written; the old file is as it was.
     """
     part = path.with_name(path.name + ".part")
-    with recording(path):
+    with recording(path, remedy):
         try:
             with part.open("wb") as file:
                 file.write(content.encode() if isinstance(content, str) else content)

@@ -23,6 +23,7 @@ from app.report.squares import board_of_placements
 from app.report.story import Incident, incidents, seen
 
 REPORT_PAGE: Final = "report.html"
+_REMEDY: Final = "copy the record to a folder that can be written, and name that one"
 _WRONG: Final = ("seen", "asked", "found", "failed", "dropped", "broke off")
 _VERDICT: Final = {True: "right every time", False: "wrong after a ply or task", None: "judged by nobody"}
 
@@ -44,7 +45,7 @@ def write_report_pages(folder: Path, told: Callable[[str], None] = unsaid) -> tu
     pages = []
     for one in rounds:
         page = one / REPORT_PAGE
-        write_atomically(page, report_page(read_source(one, told)))
+        write_atomically(page, report_page(read_source(one, told)), _REMEDY)
         pages.append(folder / os.path.relpath(page, folder))
     return tuple(pages)
 
