@@ -37,6 +37,7 @@ from app.execution.repair import Ask, BoardObservation, Repair, Whereabouts, men
 from app.execution.repair.by_sight import boxed
 from app.execution.repair.diagnosis import SEEN_WITHIN, missing_ask, repair_towards
 from app.execution.repair.lost_pieces import LostPieces
+from app.execution.repair.observed import sentence_of, squares_of
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import PlanRefused
 from app.pieces.inventory import Inventory
@@ -99,6 +100,10 @@ class Recovery:
     def stale(self) -> bool:
         """Whether the board was looked at too long ago for the arm to rely on it: somebody may have touched it."""
         return self._clock.now() - self.observer.looked_at > FRESH
+
+    def doubt(self, names: Iterable[str]) -> None:
+        """Another program may have lost these pieces."""
+        self._lost.doubt(names)
 
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
@@ -225,10 +230,10 @@ class Recovery:
         places = {**found.places, **self._places(stands, step.believed, misplaced)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
-            return Ask(f"{_sentence(found.faults)}: put it right", squares_of(found.faults))
+            return Ask(f"{sentence_of(found.faults)}: put it right", squares_of(found.faults))
         towards = repair_towards(step.believed, wanted, replace(found, places=places))
         if isinstance(towards, Repair) and not (towards.transfers or towards.rest or changed(stands, towards.believed)):
-            return Ask(f"{_sentence(found.faults)}: put it right", squares_of(found.faults))
+            return Ask(f"{sentence_of(found.faults)}: put it right", squares_of(found.faults))
         return towards
 
     def _by_sight(
@@ -329,8 +334,8 @@ class Recovery:
         """
         label, now = "put the board right", self._clock.now()
         self._note(faults, "arm", now)
-        self._ui.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
-        self._record.found(known, _sentence(faults) or "not everything is carried yet", now)
+        self._ui.say(f"{sentence_of(faults)}: {step.sentence}" if faults else step.sentence)
+        self._record.found(known, sentence_of(faults) or "not everything is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         self.observer.forget_likeness()
         try:
@@ -361,7 +366,7 @@ class Recovery:
         astray = [piece for piece in self._lost.astray(stands) if piece.name not in step.names]
         besides = f"; and {missing_ask(astray).sentence}" if astray else ""
         squares = tuple(str(square_place(square)) for square in step.squares)
-        sentence, seen = step.sentence + besides, _sentence(faults)
+        sentence, seen = step.sentence + besides, sentence_of(faults)
         if self._asked >= FRUITLESS and seen:
             sentence = (
                 f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'keep', "
@@ -385,16 +390,7 @@ class Recovery:
 def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
     if rounds >= MOST_ROUNDS:
         raise UserError(
-            f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by hand, "
+            f"the board is still not right after {MOST_ROUNDS} attempts ({sentence_of(faults)}): put it right by hand, "
             "then continue with 'touchmove resume'"
         )
     return rounds + 1
-
-
-def squares_of(faults: Sequence[Fault]) -> tuple[int, ...]:
-    """That faults are about."""
-    return tuple(fault.square for fault in faults)
-
-
-def _sentence(faults: Sequence[Fault]) -> str:
-    return "; ".join(fault.sentence for fault in faults)

@@ -285,6 +285,8 @@ class Table:
     def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
         """First the repair that was under way, then what it was for."""
         assert unfinished.repair is not None
+        if self._recovery is not None:
+            self._recovery.doubt(unfinished.found)
         goal = goal_of(self.board, unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._recovery is None else ()

@@ -42,6 +42,7 @@ class Unfinished:
             the inventory has them. None: nothing was wrong.
         transfer: of the transfers of the move, the task or the repair: which was begun last, from 0; None: none was.
         stage: of that transfer, begun last.
+        found: names of the pieces that were found, or believed, elsewhere since.
     """
 
     uci: str | None = None
@@ -49,6 +50,7 @@ class Unfinished:
     repair: tuple[Transfer, ...] | None = None
     transfer: int | None = None
     stage: Stage | None = None
+    found: frozenset[str] = frozenset()
 
     @property
     def touched(self) -> bool:
@@ -131,7 +133,9 @@ class RecordState:
                 self.unfinished = replace(begun, transfer=event.transfer, stage=event.stage)
             case FoundEvent():
                 self.places.update(event.inventory)
-                self.unfinished = replace(self.unfinished or Unfinished(), repair=(), transfer=None, stage=None)
+                begun = self.unfinished or Unfinished()
+                found = begun.found.union(event.inventory)
+                self.unfinished = replace(begun, repair=(), transfer=None, stage=None, found=found)
             case TaskEvent() if event.purpose is Purpose.REPAIR and self.unfinished is not None:
                 transfers = tuple(transfer_of(one) for one in event.transfers)
                 self.unfinished = replace(self.unfinished, repair=transfers, transfer=None, stage=None)

@@ -43,6 +43,10 @@ class LostPieces:
         """Of all."""
         return self._names
 
+    def doubt(self, names: Iterable[str]) -> None:
+        """Another program may have lost these: whether they are where it believed them to be is to be seen."""
+        self._names.update(names)
+
     def note(self, failure: CarryFailed) -> None:
         """One more."""
         name, target = failure.transfer.name, failure.transfer.target

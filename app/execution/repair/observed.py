@@ -143,3 +143,13 @@ def kinds_on_squares(
             if chances[piece.kind] >= _LIKELY:
                 kinds[square] = chances
     return kinds
+
+
+def squares_of(faults: Sequence[Fault]) -> tuple[int, ...]:
+    """That faults are about."""
+    return tuple(fault.square for fault in faults)
+
+
+def sentence_of(faults: Sequence[Fault]) -> str:
+    """What faults are, for people; empty if there are none."""
+    return "; ".join(fault.sentence for fault in faults)

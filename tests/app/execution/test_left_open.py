@@ -124,10 +124,15 @@ def test_a_repair_around_a_missing_piece_can_be_gone_on_with(tmp_path: Path) -> 
     with record, pytest.raises(Killed):
         table.arm_ply(chess.Move.from_uci("e4d5"))
     later, seen, again, _ = go_on(tmp_path / "game", paper.truth)
-    with again:
-        assert later.begin()
-    assert [move.uci() for move in later.board.move_stack] == ["e4d5"]
+    with again, pytest.raises(NeedsHand, match="a piece is missing: put the black pawn on"):
+        later.begin()
     assert str(seen.truth.find("white-pawn-e").place) == "d5"
+    history = read_history(tmp_path / "game" / EVENTS_FILE, seen.truth.table)
+    brought = history.inventory.find("black-pawn-d")
+    last, _, again, _ = go_on(tmp_path / "game", Inventory.of([*seen.truth, brought], seen.truth.table))
+    with again:
+        assert last.begin(), "somebody has put it there"
+    assert [move.uci() for move in last.board.move_stack] == ["e4d5"]
 
 
 def test_what_was_taken_off_against_the_rules_leaves_a_record_that_can_be_read(tmp_path: Path) -> None:
