@@ -86,8 +86,9 @@ def show_game(
             audience.end(f"the program was interrupted{more}")
             fail(f"interrupted; the arm is at rest, and nothing that this program started is still running{more}", 130)
         report = result.report
-        played = f"result {report.result}, {plies_in_words(report.plies)}"
-        ended = f"{report.exit_reason}, {played}; record in {result.folder}"
+        plies = plies_in_words(report.plies)
+        played = "" if plies in report.exit_reason else f", {plies}"
+        ended = f"{report.exit_reason}, result {report.result}{played}; record in {result.folder}"
         audience.end(ended)
     if as_json:
         print(report.model_dump_json(indent=2))

@@ -69,15 +69,11 @@ def dataset(
 
 
 def _made(wish: DatasetWish) -> DatasetReport:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
     from app.dataset.making import make_dataset  # loads what reads telemetry and draws
+    from app.terminal.progress_bar import progress_bar
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("plies"))
-    with interruptible(), Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
-        task = progress.add_task("dataset", total=None)
-        return make_dataset(wish, lambda done, whole: progress.update(task, completed=done, total=whole), say)
+    with interruptible(), progress_bar("dataset", "{task.completed:.0f}/{task.total:.0f} plies") as tell:
+        return make_dataset(wish, tell, say)
 
 
 def _tell(report: DatasetReport, as_json: bool) -> None:

@@ -113,20 +113,12 @@ def identify(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> None:
     """Find the robot's masses and friction: the arm swings over the board for 24 s. Keep hands away."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
     from app.commissioning.identification.survey import Meter
     from app.commissioning.identify import IdentifyReport, run_identify
+    from app.terminal.progress_bar import progress_bar
 
     def find() -> IdentifyReport:
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s"))
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("swinging", total=None, visible=False)
-
-            def tell(done: float, whole: float) -> None:
-                bar.update(task, completed=done, total=whole, visible=True)
-
+        with progress_bar("swinging", "{task.completed:.0f} s", stays=False) as tell:
             return run_identify(rig, out, pole_pairs, say, Meter(tell))
 
     show_report(find, as_json)

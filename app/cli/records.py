@@ -111,12 +111,11 @@ def film(
 ) -> None:
     """Draw a film of a simulated game from the positions in its record. Ctrl-C cancels it."""
     from pydantic import ValidationError
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     from app import UserError
     from app.play.match import match_of
     from app.rig.simulation.film import FilmWish, default_output, draw_film, positions_of, standpoint
+    from app.terminal.progress_bar import progress_bar
 
     sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
     if sides is None:
@@ -128,14 +127,8 @@ def film(
             positions=positions_of(folder), output=output or default_output(folder, view), camera=view,
             width=int(sides[1]), height=int(sides[2]), begin=begin, length=length, fine=fine,
         )  # fmt: skip
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.completed:.0f} of {task.total:.0f} s"),
-        )
-        with interruptible(), Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
-            task = progress.add_task("film", total=1.0)
-            draw_film(wish, lambda done, whole: progress.update(task, completed=done, total=whole))
+        with interruptible(), progress_bar("film", "{task.completed:.0f} of {task.total:.0f} s") as tell:
+            draw_film(wish, tell)
     except ValidationError as error:
         fail(f"'--size {size}': {error.errors()[0]['msg']}; both sides must be even, from 16 to 4096")
     except UserError as error:
