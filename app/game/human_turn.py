@@ -19,7 +19,7 @@ from app.execution.table import Table
 from app.game.advising import Advising
 from app.game.clock import side_name
 from app.game.complaints import FORBEARANCE, Complaints
-from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, end_of
+from app.game.person import ENDS_TURNS, HandNotice, PersonAttendant, end_of
 from app.game.questions import Interjected, TurnQuestions
 from app.game.remote_turn import ANY_TIME, RemoteTurn
 from app.game.set_down import badly_set, shows_after
@@ -27,14 +27,13 @@ from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
 from app.players.ending import GameEnd
-from app.players.person import Human, PersonGone
+from app.players.person import Human
 from app.players.players import Players
-from app.records import RecordError
-from app.rig.arm import ArmPaused, ArmStopped
+from app.rig.arm import ArmStopped
 from app.settings.time_control import clock_text
 from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
-from hardware.interfaces import HardwareError, RigGone
+from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ class HumanTurn:
                 line = self._listen()
             try:
                 end = self._take_up() if unseen else self._heard(command, line)
-            except (PersonGone, RecordError, RigGone, ArmPaused, NeedsHand, NeedsGo, GameLeft):
+            except ENDS_TURNS:
                 raise
             except Interjected as instead:
                 other = instead.command

@@ -31,10 +31,11 @@ from app.players.commands import (
 )
 from app.players.ending import GameEnd
 from app.players.person import Hands, Human, Lines, PersonGone
-from app.rig.arm import Arm
+from app.records import RecordError
+from app.rig.arm import Arm, ArmPaused
 from app.terminal.game_display import UserInterface
 from engine.errors import EngineProblem
-from hardware.interfaces import HandRefused, HardwareError
+from hardware.interfaces import HandRefused, HardwareError, RigGone
 from hardware.piece_set import Look
 from hardware.table import Place
 
@@ -78,6 +79,8 @@ class GameLeft(UserError):
         self.word, self.wish = word, wish
 
 
+ENDS_TURNS: Final = (PersonGone, RecordError, RigGone, ArmPaused, NeedsHand, NeedsGo, GameLeft)
+"""With these no turn goes on; after any other error the game stands where it stood."""
 LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW, Word.KEEP)
 
 

@@ -16,6 +16,7 @@ from app import UserError
 from app.execution.state import LEFT, WRONG, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
+from app.game.person import ENDS_TURNS
 from app.game.timing import Timing
 from app.players.commands import MEANINGS_ELSEWHERE, Word, help_text, word_of
 from app.players.ending import GameEnd
@@ -35,6 +36,7 @@ from app.players.remote import (
 )
 from app.terminal.game_display import UserInterface
 from app.terminal.shown import RemoteShown
+from hardware.interfaces import HardwareError
 from hardware.piece_set import Colour
 
 POLL: Final = 0.2
@@ -43,6 +45,10 @@ CONFIRMATION: Final = 30.0
 """How long the end of a game is waited for that must come, where the link may just be cut [s, wall]."""
 REPLY: Final = 5.0
 """How long is waited for what an answer from here should bring about, before the game goes on [s, wall]."""
+_UNSAID: Final = (
+    "{} does not have the last move yet: it is sent until they do; say 'quit' to leave, and 'touchmove resume' sends "
+    "it again"
+)
 _REFUSED: Final = {
     Word.HINT: "there are no hints in a game against somebody elsewhere: the move must be your own",
     Word.SIDE: "nobody can change sides in a game against somebody elsewhere: say 'resign' or 'quit' to leave it",
@@ -152,14 +158,23 @@ class RemoteTurn:
         )
 
     def confirmed(self, end: GameEnd) -> GameEnd | None:
-        """How the game has ended that the rules end here, by the opponent's word; None: it goes on after all."""
-        until = time.monotonic() + CONFIRMATION
+        """How the game has ended that the rules end here, by the opponent's word; None: it goes on after all.
+
+        Not before they have the last move: it would be over here alone, and go on there. Who does not want to wait for
+        that may quit.
+        """
+        until, told = time.monotonic() + CONFIRMATION, False
         before = self._table.board.move_stack.copy()
-        while time.monotonic() < until:
+        while time.monotonic() < until or self._opponent.unsaid:
             if (theirs := self.heed(POLL)) is not None:
                 return theirs
             if self._table.board.move_stack != before:
                 return None
+            if told and (line := self._line()) is not None and word_of(line) is Word.QUIT:
+                return LEFT
+            if not told and time.monotonic() > until:
+                told = True
+                self._say(_UNSAID.format(self._opponent.name))
         return end
 
     # ---------------------------------------------------------------------------------------------------- their turn
@@ -197,7 +212,7 @@ class RemoteTurn:
         if (why := refusal(line)) is not None:
             self._say(why)
         elif word is Word.FIX:
-            return None if self._table.repair() else WRONG
+            return self._fix()
         elif word is Word.GO and self._table.permission.stopped:
             self._table.permission.go_on()
         elif word is not None and word in ANY_TIME:
@@ -206,6 +221,17 @@ class RemoteTurn:
             said = ", ".join(f"'{one}'" for one in self.words())
             self._say(f"it is {self._opponent.name}'s move: you can say {said}")
         return None
+
+    def _fix(self) -> GameEnd | None:
+        try:
+            return None if self._table.repair() else WRONG
+        except ENDS_TURNS:
+            raise
+        except (UserError, HardwareError) as error:  # the game goes on, as in one's own turn
+            if not self._table.give_up(str(error)):
+                raise
+            self._say(str(error))
+            return None
 
     def obey(self, word: Word) -> GameEnd | None:
         """A word that concerns the opponent, or leaving; how the game has ended, if it has."""

@@ -100,6 +100,12 @@ class LinkedOpponent:
             if offers_draw:
                 self._peer.propose("draw")
 
+    @property
+    def unsaid(self) -> bool:
+        """See ``RemoteOpponent.unsaid``."""
+        with self._peer.changed:
+            return self._peer.have < len(self._log)
+
     def stands(self, board: chess.Board) -> None:
         """See ``RemoteOpponent.stands``; the first time, it is found out what the table lacks of the record."""
         with self._peer.changed:

@@ -37,6 +37,7 @@ class MoveLedger:
         self._colour = colour
         self._moves = list(standing)
         self._unconfirmed: int | None = None
+        self._heard = False
 
     @property
     def unconfirmed(self) -> tuple[int, chess.Move] | None:
@@ -59,8 +60,9 @@ class MoveLedger:
         while same < min(len(theirs), len(self._moves)) and theirs[same] == self._moves[same]:
             same += 1
         behind = same == len(theirs) and len(self._moves) == same + 1
-        if behind and (self._unconfirmed == same or (self._unconfirmed is None and self._ours(same))):
-            self._unconfirmed = same  # told, or left by a program before this one: on its way
+        left_before, self._heard = not self._heard and self._ours(same), True  # by another program
+        if behind and (self._unconfirmed == same or (self._unconfirmed is None and left_before)):
+            self._unconfirmed = same  # it is on its way
             return []
         self._unconfirmed = None
         return self._follow(theirs, same)

@@ -119,6 +119,13 @@ class GameFull(_Message):
         """Whether it is chess from the usual position."""
         return self.variant.key == "standard" and self.initial_fen == "startpos"
 
+    @property
+    def time_control(self) -> str | None:
+        """As in PGN; None: without a clock."""
+        if self.clock is not None:
+            return f"{self.clock.initial / 1000:g}+{self.clock.increment / 1000:g}"
+        return None if self.days is None else f"1/{86_400 * self.days}"
+
 
 class OpponentGone(_Message):
     """The opponent has left, or is back."""

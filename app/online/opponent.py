@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 import threading
 from collections import deque
-from dataclasses import dataclass
 from typing import Final
 
 import chess
@@ -23,6 +22,7 @@ from app.online.messages import (
     OpponentGone,
     game_line,
 )
+from app.online.saying import Saying
 from app.players.ending import GameEnd
 from app.players.remote import (
     GameOver,
@@ -38,15 +38,6 @@ from app.players.remote import (
 )
 
 _SAYS: Final = {Offer.DRAW: "draw", Offer.TAKE_BACK: "takeback"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Saying:
-    """Something to be said to the server: its path, and for a move its ply."""
-
-    what: str
-    ply: int | None = None
-    move: chess.Move | None = None
 
 
 class LichessOpponent:
@@ -83,9 +74,9 @@ class LichessOpponent:
         self._clock: OpponentClock | None = None
         self._offers = dict[tuple[bool, Offer], bool]()
         self._claimable_at: float | None = None
-        self._cut = False
+        self._cut = self._unsure = False
         self._over = False
-        self._outbox: deque[_Saying] = deque()
+        self._outbox: deque[Saying] = deque()
         self._refused = 0
         self._work = threading.Event()
         self._closed = threading.Event()
@@ -114,12 +105,7 @@ class LichessOpponent:
     @property
     def listing(self) -> RemoteListing:
         """See ``RemoteOpponent.listing``."""
-        clock, control = self._full.clock, None
-        if clock is not None:
-            control = f"{clock.initial / 1000:g}+{clock.increment / 1000:g}"
-        elif self._full.days is not None:
-            control = f"1/{86_400 * self._full.days}"
-        return RemoteListing(self._mine, f"{self._client.server}/{self.game}", control)
+        return RemoteListing(self._mine, f"{self._client.server}/{self.game}", self._full.time_control)
 
     def next(self, timeout: float) -> RemoteEvent | None:
         """See ``RemoteOpponent.next``."""
@@ -137,7 +123,12 @@ class LichessOpponent:
         with self._lock:
             if self._ledger is None or self._changes or self._over or not self._ledger.play(ply, move):
                 return
-            self._say(_Saying(f"move/{move.uci()}" + ("?offeringDraw=true" if offers_draw else ""), ply, move))
+            self._say(Saying(f"move/{move.uci()}" + ("?offeringDraw=true" if offers_draw else ""), ply, move))
+
+    @property
+    def unsaid(self) -> bool:
+        """See ``RemoteOpponent.unsaid``."""
+        return not self._over and self._ledger is not None and self._ledger.unconfirmed is not None
 
     def stands(self, board: chess.Board) -> None:
         """See ``RemoteOpponent.stands``; what the table lacks follows."""
@@ -145,29 +136,35 @@ class LichessOpponent:
             if self._ledger is not None:
                 return
             self._ledger = MoveLedger(not self._colour, board.move_stack)
-            self._agree(fresh=True)
+            try:
+                self._agree(fresh=True)
+            except ValueError as error:
+                self._give_up(str(error))
 
     def offer(self, what: Offer) -> None:
         """See ``RemoteOpponent.offer``; a rematch is a matter of the lobby."""
-        if what in _SAYS:
-            self._say(_Saying(f"{_SAYS[what]}/yes"))
+        self._propose(what, "yes")
 
     def decline(self, what: Offer) -> None:
         """See ``RemoteOpponent.decline``."""
+        self._propose(what, "no")
+
+    def _propose(self, what: Offer, answer: str) -> None:
         if what in _SAYS:
-            self._say(_Saying(f"{_SAYS[what]}/no"))
+            theirs = self._offers.get((self._colour, what), False)
+            self._say(Saying(f"{_SAYS[what]}/{answer}", answers=what if theirs else None))
 
     def resign(self) -> None:
         """See ``RemoteOpponent.resign``."""
-        self._say(_Saying("resign"))
+        self._say(Saying("resign"))
 
     def abort(self) -> None:
         """See ``RemoteOpponent.abort``."""
-        self._say(_Saying("abort"))
+        self._say(Saying("abort"))
 
     def claim(self) -> None:
         """See ``RemoteOpponent.claim``."""
-        self._say(_Saying("claim-victory"))
+        self._say(Saying("claim-victory"))
 
     @property
     def claimable(self) -> bool:
@@ -254,6 +251,7 @@ class LichessOpponent:
             self._state = state
             self._set_clock(state)
             self._agree(fresh=fresh)
+            self._unsure = self._unsure and not fresh
 
     def _agree(self, *, fresh: bool) -> None:
         """What the table has to do, so that it agrees with the server; and what was offered; and the end.
@@ -279,7 +277,7 @@ class LichessOpponent:
                 self._refused = 0
                 self._change(ledger.give_up())
             else:
-                self._say(_Saying(f"move/{unconfirmed[1].uci()}", *unconfirmed))
+                self._say(Saying(f"move/{unconfirmed[1].uci()}", *unconfirmed))
 
     def _change(self, events: list[RemoteMove | TakenBack]) -> None:
         for event in events:
@@ -291,8 +289,9 @@ class LichessOpponent:
             (True, Offer.DRAW): state.wdraw, (False, Offer.DRAW): state.bdraw,
             (True, Offer.TAKE_BACK): state.wtakeback, (False, Offer.TAKE_BACK): state.btakeback,
         }  # fmt: skip
+        before, self._offers = self._offers, flags
         for (colour, what), stands in flags.items():
-            stood = self._offers.get((colour, what), False)
+            stood = before.get((colour, what), False)
             if stands and not stood and colour is self._colour and what is Offer.TAKE_BACK and not self._takes_back:
                 self.decline(what)
             elif stands and not stood and colour is self._colour:
@@ -300,7 +299,6 @@ class LichessOpponent:
                 self._put(Offered(what, (2 if to_move else 1) if what is Offer.TAKE_BACK else 0))
             elif stood and not stands and not (back and colour is self._colour):
                 self._put(OfferAnswered(what, accepted=back, withdrawn=colour is self._colour))
-        self._offers = flags
 
     def _hear_gone(self, line: OpponentGone) -> None:
         if not line.gone:
@@ -338,7 +336,7 @@ class LichessOpponent:
 
     # ------------------------------------------------------------------------------------------------------ speaking
 
-    def _say(self, said: _Saying) -> None:
+    def _say(self, said: Saying) -> None:
         with self._lock:
             self._outbox.append(said)
         self._work.set()
@@ -356,9 +354,15 @@ class LichessOpponent:
             if self._pointless(said):
                 self._done(said)
                 continue
+            if said.answers is not None and self._unsure:
+                self._client.waiting.wait(BACK_OFF[0], self._closed)
+                continue
             try:
                 self._client.act(self._kind, self.game, said.what)
             except Cut:
+                if said.answers is not None:  # the whole game is asked for: it shows whether that was heard
+                    self._unsure = True
+                    self._stream.close()
                 if self._client.waiting.wait(BACK_OFF[min(tries, len(BACK_OFF) - 1)], self._closed):
                     return
                 tries += 1
@@ -372,21 +376,21 @@ class LichessOpponent:
             tries = 0
             self._done(said)
 
-    def _pointless(self, said: _Saying) -> bool:
-        """A move that the server has, or that was taken back; anything once the game is over."""
+    def _pointless(self, said: Saying) -> bool:
+        """A move that the server has, or that was taken back; an answer to no offer; anything once the game is over."""
         with self._lock:
             if self._over:
                 return True
             if said.ply is None or self._ledger is None:
-                return False
+                return said.answers is not None and not self._offers.get((self._colour, said.answers), False)
             return self._ledger.unconfirmed != (said.ply, said.move)
 
-    def _done(self, said: _Saying) -> None:
+    def _done(self, said: Saying) -> None:
         with self._lock:
             if self._outbox and self._outbox[0] is said:
                 self._outbox.popleft()
 
-    def _hear_refusal(self, said: _Saying, refusal: RequestRefused) -> None:
+    def _hear_refusal(self, said: Saying, refusal: RequestRefused) -> None:
         if said.ply is not None:  # the whole game is asked for: it shows what has become of the move
             self._refused += 1
             self._done(said)  # first: what is still to be said is neither repeated nor taken back

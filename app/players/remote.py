@@ -155,6 +155,10 @@ class RemoteOpponent(Protocol):
     def play(self, ply: int, move: chess.Move, *, offers_draw: bool = False) -> None:
         """Our move of a ply was made, or decided on: as early as it cannot be changed any more."""
 
+    @property
+    def unsaid(self) -> bool:
+        """Whether a move of ours is not known to have come there yet."""
+
     def stands(self, board: chess.Board) -> None:
         """Know what stands on the table here: told at the beginning, and after each ply or take-back carried out."""
 

@@ -68,6 +68,7 @@ class ScriptedOpponent:
     name: str = "Ada"
     time: OpponentClock | None = None
     claimable: bool = False
+    unsaid: bool = False
     told: list[str] = field(default_factory=list)
     events: deque[RemoteEvent] = field(default_factory=deque)
 

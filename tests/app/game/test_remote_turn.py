@@ -12,6 +12,7 @@ import chess.pgn
 import pytest
 
 from app import UserError
+from app.execution.table import Table
 from app.game import GameEnd
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
@@ -30,6 +31,7 @@ from app.settings.defaults import Settings
 from app.settings.files import settings_of
 from app.terminal.game_display import UserInterface
 from app.terminal.shown import ClockShown, RemoteShown, SessionShown
+from hardware.interfaces import HardwareError
 from hardware.piece_set import Colour
 from tests.app.game.scripted_opponent import Script, ScriptedOpponent, Source, ends_when_asked, line_of
 
@@ -307,6 +309,53 @@ def test_their_word_on_the_end_counts_and_the_rules_where_they_are_silent(
     monkeypatch.setattr("app.game.remote_turn.CONFIRMATION", 0.05)
     done, _ = play(tmp_path, ScriptedOpponent(chess.BLACK, [line_of(*MATE)]), "f3", "g4")
     assert (done.report.result, done.report.exit_reason) == ("0-1", "checkmate")
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_game_is_not_over_here_before_the_last_move_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stays: bool
+) -> None:
+    """Who mates while the link is down waits until it is back, or leaves and has it sent by 'touchmove resume'."""
+    monkeypatch.setattr("app.game.remote_turn.CONFIRMATION", 0.05)
+    opponent = ScriptedOpponent(chess.WHITE, [line_of(*MATE)])
+
+    class Waits(TypedWhenAsked):
+        def next(self, timeout: float) -> str | None:
+            if not self.lines and opponent.unsaid:  # the mate is made, and they do not have it
+                if not stays:
+                    return "quit"
+                opponent.unsaid = False
+            return super().next(timeout)
+
+    def cut(one: ScriptedOpponent, told: str) -> tuple[RemoteEvent, ...]:
+        one.unsaid = one.unsaid or told.startswith("play d8h4")
+        return ()
+
+    opponent.scripts = [*opponent.scripts, cut]
+    ui = Told()
+    done = run_remote_games(settings(tmp_path), ui, Waits("e5", "Qh4"), Source(opponent))
+    assert any("Ada does not have the last move yet" in said for said in ui.said)
+    if stays:
+        assert (done.report.result, done.report.exit_reason) == ("0-1", "checkmate")
+    else:
+        assert done.resumable
+        assert done.report.result == "*"
+
+
+def test_fix_in_their_turn_that_cannot_be_done_ends_no_game(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = list[object]()
+
+    def blind(self: Table, reply: object = None) -> bool:
+        looks.append(reply)
+        if len(looks) > 1:  # the first one comes after the person's move
+            raise HardwareError("the camera gave no new picture")
+        return True
+
+    monkeypatch.setattr(Table, "repair", blind)
+    opponent = ScriptedOpponent(chess.BLACK, [at("offer draw", ended("1/2-1/2", "draw agreed"))])
+    done, ui = play(tmp_path, opponent, "e4", "fix", "draw")
+    assert "the camera gave no new picture" in ui.said
+    assert (done.report.result, done.report.failures) == ("1/2-1/2", ())
 
 
 def test_a_move_that_cannot_be_is_told_in_one_sentence(tmp_path: Path) -> None:

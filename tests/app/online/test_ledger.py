@@ -57,6 +57,15 @@ def test_a_move_of_ours_is_on_its_way_until_the_server_has_it() -> None:
     assert not ledger.play(3, chess.Move.from_uci("a1a8")), "it is not legal"
 
 
+def test_a_move_of_ours_that_the_server_had_and_has_no_more_was_taken_back() -> None:
+    """By agreement, while the opponent thought: only a program before this one leaves moves that are not known of."""
+    ledger = MoveLedger(chess.WHITE, LINE[:2])
+    assert ledger.play(2, LINE[2])
+    assert ledger.hear(LINE[:3]) == []
+    assert ledger.hear(LINE[:2]) == [TakenBack(2)]
+    assert ledger.unconfirmed is None
+
+
 def test_a_move_that_was_made_here_before_this_program_began_is_on_its_way_too() -> None:
     ledger = MoveLedger(chess.WHITE, LINE[:3])
     assert ledger.hear(LINE[:2]) == []

@@ -11,7 +11,7 @@ from typing import Any
 import chess
 import pytest
 
-from app.online.client import LichessClient
+from app.online.client import Cut, LichessClient
 from app.online.endings import end_of_game
 from app.online.messages import GameFull, GameState, MessageError, game_line
 from app.online.opponent import LichessOpponent
@@ -250,6 +250,61 @@ def test_a_cut_link_is_told_of_when_it_lasts_and_when_it_is_back() -> None:
         lichess.end(game, "aborted")
         over = following(opponent, GameOver)
         assert over == GameOver(GameEnd("*", "aborted", complete=True), 0)
+
+
+def test_a_move_of_ours_is_taken_back_where_the_opponent_agrees_and_not_said_again() -> None:
+    with playing() as (lichess, game, opponent):
+        silent(lichess)
+        opponent.stands(chess.Board())
+        opponent.play(0, E4)
+        until(lambda: game.moves == ["e2e4"])
+        until(lambda: not opponent.unsaid)
+        opponent.offer(Offer.TAKE_BACK)
+        until(lambda: bool(game.back))
+        with lichess.lock:
+            lichess._answer_take_back(game, agrees=True)
+        assert following(opponent, TakenBack) == TakenBack(0)
+        lichess.cut(game)
+        opponent.play(0, chess.Move.from_uci("d2d4"))
+        until(lambda: game.moves == ["d2d4"])
+        assert game.posted == ["e2e4", "d2d4"]
+
+
+def test_an_answer_whose_receipt_is_lost_does_not_become_a_proposal() -> None:
+    with playing() as (lichess, game, opponent):
+        silent(lichess)
+        opponent.stands(chess.Board())
+        opponent.play(0, E4)
+        until(lambda: game.moves == ["e2e4"])
+        with lichess.lock:
+            lichess._push(game, E5)
+            game.back.add(chess.BLACK)
+            lichess._tell(game)
+        following(opponent, Offered)
+        act, answers = opponent._client.act, list[str]()
+
+        def lossy(kind: str, game_id: str, what: str) -> None:
+            act(kind, game_id, what)
+            if what.startswith("takeback"):
+                answers.append(what)
+                raise Cut("the receipt is lost")
+
+        opponent._client.act = lossy  # type: ignore[method-assign]
+        opponent.offer(Offer.TAKE_BACK)
+        following(opponent, TakenBack)
+        until(lambda: not opponent._outbox)
+        assert answers == ["takeback/yes"]
+        assert not game.back, "nothing is proposed"
+
+
+@pytest.mark.parametrize("moves", ["e2e5", "e2e4 e2e4"])
+def test_moves_that_cannot_be_from_the_beginning_are_a_sentence_too(moves: str) -> None:
+    with playing() as (_, _, opponent):
+        opponent._state = opponent._state.model_copy(update={"moves": moves})
+        opponent.stands(chess.Board())
+        over = following(opponent, GameOver)
+        assert isinstance(over, GameOver)
+        assert "illegal" in over.end.reason
 
 
 @pytest.mark.parametrize("moves", ["e2e5", "e2e4 e2e4", "e7e5"])
