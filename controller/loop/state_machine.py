@@ -74,7 +74,7 @@ class StateMachine:
         self.braked = self.state in BRAKED
         self.fresh = self.fresh and self.state is State.BOOT
         if event is Event.ENABLED:
-            self._outside = math.inf
+            self._outside, self._compliant_ticks, self.letting_go = math.inf, 0, 0
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
         if self.state is State.STOPPING and not self._compliant_ticks:
@@ -96,6 +96,8 @@ class StateMachine:
         reaction = REACTIONS[trouble.cause]
         if reaction is Reaction.BRAKE:
             self.brake(trouble)
+        elif self.braked:  # nothing to stop, nor to give way with
+            return
         elif reaction is Reaction.PROTECTIVE_STOP:
             if self._protective is None:
                 self.stop(trouble, Event.PROTECTIVE_STOP)
@@ -196,6 +198,7 @@ class StateMachine:
     def _come_to_rest(self) -> None:
         if self._protective is None:
             self.enter(Event.AT_REST)
+            self.retire_at_rest()  # before anything else is found that a tool out there gives way to
         else:
             self.cause = self._protective  # whatever else has stopped it: this is to be mended before it moves again
             self.enter(Event.PROTECTIVE_STOP_AT_REST)

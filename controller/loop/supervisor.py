@@ -204,7 +204,8 @@ class Supervisor:
         if self.state is State.STOPPING:
             self.machine.slow_down(measurement.tick)
         self.reference.mark(measurement.tick)
-        self._watch(measurement)
+        if not self.machine.braked:  # what has just come to rest may be on its way onto the brakes
+            self._watch(measurement)
         if not self.machine.braked:
             self._output(measurement.tactile)
         if moving:
@@ -228,6 +229,7 @@ class Supervisor:
         guard, level = tail[1:].tolist()
         met = self.admission.met(guard, level, measurement.tactile, self.force[2])
         if isinstance(met, Violation):
+            self.reference.mark(tick)  # it is that of this tick already
             self.machine.stop(met)
         elif met is not None:
             self.machine.succeed(met)

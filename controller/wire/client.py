@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
@@ -105,6 +106,7 @@ class ControllerClient:
         self._link: Link | None = None
         self._welcome = Welcome(0.0, 0, False, 0)
         self._motion = 0
+        self._asking = threading.Lock()
 
     def __enter__(self) -> Self:
         self.connect()
@@ -235,8 +237,8 @@ class ControllerClient:
         self._ask(DatagramKind.ADMIT_SPEED, admitted.pack(), lambda t: True)
 
     def resume(self) -> None:
-        """Admit motions again."""
-        self._command(CommandCode.RESUME, lambda t: bool(t.flags & Flag.ADMITTING))
+        """Admit motions again; another thread may tell it to hold right afterwards."""
+        self._command(CommandCode.RESUME, lambda t: bool(t.flags & Flag.ADMITTING) or t.cause is Cause.HOLD_COMMAND)
 
     def stop(self) -> None:
         """Stop the present motion."""
@@ -331,21 +333,30 @@ class ControllerClient:
     def _ask(
         self, kind: DatagramKind, payload: bytes, done: Callable[[Telemetry], bool], name: str = "admit_speed"
     ) -> None:
-        """Repeat what is asked for until it was carried out, and wait until its effect shows."""
+        """Repeat what is asked for until it was carried out, and wait until its effect shows.
+
+        One order after the other, whichever thread asks: telemetry tells the last one that was carried out, and a later
+        one would pass for one that was lost.
+        """
         link = self._connected
-        deadline, first = time.monotonic() + _COMMAND_TIMEOUT, link.sequence + 1
-        while True:
-            telemetry = link.telemetry
-            if telemetry.command >= first and done(telemetry):
-                return
-            if time.monotonic() > deadline:
-                raise CommandFailed(
-                    f"{name.lower()} had no effect within {_COMMAND_TIMEOUT:g} s in state {telemetry.state.name}: "
-                    f"{telemetry.explain_cause()}"
-                )
-            if telemetry.command < first:
+        deadline = time.monotonic() + _COMMAND_TIMEOUT
+        with self._asking:
+            first = link.sequence + 1
+            while (telemetry := link.telemetry).command < first:
+                _require_time(deadline, telemetry, name)
                 link.send(kind, payload)
+                link.wait_for_news(telemetry)
+        while not done(telemetry := link.telemetry):
+            _require_time(deadline, telemetry, name)
             link.wait_for_news(telemetry)
+
+
+def _require_time(deadline: float, telemetry: Telemetry, name: str) -> None:
+    if time.monotonic() > deadline:
+        raise CommandFailed(
+            f"{name.lower()} had no effect within {_COMMAND_TIMEOUT:g} s in state {telemetry.state.name}: "
+            f"{telemetry.explain_cause()}"
+        )
 
 
 class _Stream:

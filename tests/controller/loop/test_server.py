@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from controller.loop.server import serve
 from controller.protocol import SAMPLE, CommandCode, DatagramKind, Flag, Result
 from controller.protocol.causes import Cause
-from controller.protocol.datagram_fields import CHALLENGE, COMMAND, HEARTBEAT
+from controller.protocol.datagram_fields import CHALLENGE, COMMAND, HEADER, HEARTBEAT
 from controller.protocol.envelope import Envelope
 from controller.protocol.key import KEY_FILE, create_key
 from controller.protocol.messages import Hello, Telemetry
@@ -300,6 +300,32 @@ def test_a_fault_is_told_and_can_be_cleared(launch: Launch, line: Line, monkeypa
         assert running.bus.last.brake
         client.enable()
         assert client.execute(line(client.wait_standing().reference, HOME, 900)).result is Result.DONE
+
+
+def test_an_order_that_was_lost_is_not_taken_for_another_threads_that_was_not(
+    launch: Launch, lossy_link: Callable[..., Any], fake_bus: FakeBusFactory
+) -> None:
+    """The guard tells it to hold, and its first datagram is lost; the game lets it go on at the same moment."""
+    running, lost = launch(fake_bus(lockstep=False)), threading.Event()
+
+    def first_hold(data: bytes) -> bool:
+        kind, body = struct.unpack_from("<H", data, 8)[0], data[HEADER.size :]
+        hold = kind == DatagramKind.COMMAND and body.startswith(COMMAND.struct.pack(CommandCode.HOLD))
+        if not hold or lost.is_set():
+            return False
+        lost.set()
+        return True
+
+    client = running.client_through(lossy_link(running.port, veto=first_hold))
+    causes = list[Cause]()
+    client._listener = lambda telemetry: causes.append(telemetry.cause)
+    client.connect()
+    others = threading.Thread(target=lambda: (lost.wait(PATIENCE), client.resume()))
+    others.start()
+    client.ask_to_hold()
+    others.join()
+    assert lost.is_set()
+    assert Cause.HOLD_COMMAND in causes, "it was carried out"
 
 
 # the lease

@@ -14,6 +14,7 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
+from controller.model.reach import posture_at
 from controller.protection.limits import Violation, default_limits, nearest_inside
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.cause_sentences import explain
@@ -586,6 +587,48 @@ def test_who_drags_on_and_on_finds_brakes_where_a_motor_is_too_hot_or_the_contro
     assert 0.30 < rig.supervisor.law.state.position[1] < 0.30 + 0.03
 
 
+def test_an_arm_that_came_onto_its_brakes_far_outside_stops_and_gives_way_again_once_the_fault_is_cleared(
+    rig: Rig, line: Line
+) -> None:
+    rig.boot()
+    rig.bus.push = np.array([0.0, 60.0, 0.0])
+    rig.run(1500)
+    assert rig.supervisor.law.state.position[1] > 0.33, "further out than where a tool gives way"
+    rig.supervisor._protection._mean.squares[:] = 2.39**2
+    while not rig.supervisor.machine.braked:
+        rig.run(1)
+    rig.run(5)
+    assert (rig.state, rig.supervisor.cause.cause) == (State.FAULT, Cause.RMS_TORQUE)
+    rig.supervisor._protection._mean.squares[:] = 0.0
+    rig.bus.push = np.zeros(3)
+    rig.supervisor.obey(CommandCode.CLEAR_FAULT)
+    rig.bus._angle = posture_at(DeltaModel(load_parameters()), np.array(HOME)).y  # somebody moves it back by hand
+    rig.supervisor._protection.reset()
+    rig.run(2)
+    rig.supervisor.obey(CommandCode.ENABLE)
+    rig.run(8)
+    rig.supervisor.obey(CommandCode.RESUME)
+    rig.begin(line(tuple(rig.supervisor.reference.position.tolist()), AWAY, 900))
+    rig.run(300)
+    assert rig.state is State.TRACK
+    rig.supervisor.obey(CommandCode.STOP)
+    assert rig.state is State.STOPPING
+    rig.run(300)
+    assert rig.state is State.HOLD
+
+
+@pytest.mark.parametrize("push", [0.1, 60.0])
+def test_a_controller_ends_where_its_tool_is_far_outside_too(fake_bus: Callable[..., Any], push: float) -> None:
+    """Enabled out there, or pushed out all the time."""
+    rig = Rig(fake_bus(point=(0.0, 0.345, 0.30))) if push < 1.0 else Rig(fake_bus()).boot()
+    rig.bus.push = np.array([0.0, push, 0.0])
+    rig.run(1500)
+    assert rig.supervisor.law.state.position[1] > 0.33
+    rig.supervisor.machine.retire()
+    rig.run(2000)
+    assert rig.supervisor.brakes.finished
+
+
 def test_an_arm_that_is_enabled_outside_its_workspace_gives_way_and_is_not_pulled_in(
     fake_bus: Callable[..., Any],
 ) -> None:
@@ -966,6 +1009,15 @@ def test_a_parked_gripper_does_not_close_on_what_touches_it(rig: Rig) -> None:
     rig.run(20)
     assert rig.state is State.HOLD
     assert rig.bus.last.finger_velocity == 0.0
+
+
+def test_a_grip_that_is_lost_at_speed_stops_without_a_jump(rig: Rig, line: Line) -> None:
+    samples = line(HOME, AWAY, 560)
+    samples["guard"][280:], samples["guard_level"] = int(Guard.HELD), 1.0
+    rig.boot().begin(samples)
+    rig.run(600)
+    assert rig.supervisor.cause.cause is Cause.GRIP_LOST
+    assert rig.reference_jumps()[0] < 1e-6
 
 
 @pytest.mark.parametrize("lost", [(0.0, 4.5), (4.5, 0.3), (0.0, 0.0)])
