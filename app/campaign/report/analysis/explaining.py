@@ -2,8 +2,9 @@
 
 Of a range of numbers four tests are made: one sees a rise or fall along it (Mann and Whitney, Spearman), one what is
 different at both ends (the same on Siegel and Tukey's ranks), and two hold the lowest and the highest fifth against the
-rest, as where something fails beyond some value; of categories each is held against the rest. The best p-value of a
-range is multiplied by how many were made in it, and those of all ranges are corrected by Holm: of a campaign in which
+rest, as where something fails beyond some value; of categories each is held against the rest, and the surest in which
+there is more of it is named. The p-value of a range is the best, or that of the category named, times how many tests
+were made in it, and those of all ranges are corrected by Holm: of a campaign in which
 nothing depends on any range, at most one in twenty names one.
 """
 
@@ -98,11 +99,9 @@ def _association(values: Numbers, drawn: DrawnRange, sign: float) -> Association
     groups, places = group_figures(figure, group, drawn.labels)
     if len(groups) < 2:
         return None
-    most = max(range(len(groups)), key=lambda place: sign * groups[place].value)
     if drawn.values is None:
-        p_values = [_differ(figure[group == place], figure[group != place]) for place in places]
-        tests = 1 if len(places) == 2 else len(places)
-        return Association(drawn.name, groups, min(1.0, tests * min(p_values)), 1.0, most)
+        return of_groups(drawn.name, groups, sign, [_differ(figure[group == at], figure[group != at]) for at in places])
+    most = _largest(groups, sign)
     along = drawn.values[known]
     rising, ends = _goes_with(figure, along), _goes_with(figure, ranks_from_the_ends(along))
     outermost = [_differ(figure[group == place], figure[group != place]) for place in (places[0], places[-1])]
@@ -110,6 +109,30 @@ def _association(values: Numbers, drawn: DrawnRange, sign: float) -> Association
     both_ends = ends < min(rising, *outermost) and sign * (outer / 2.0 - inner) > 0.0
     p = min(1.0, 4.0 * min(rising, ends, *outermost))
     return Association(drawn.name, groups, p, 1.0, most, both_ends)
+
+
+def of_groups(name: str, groups: tuple[GroupFigure, ...], sign: float, p_values: Sequence[float]) -> Association:
+    """How something goes with groups without an order, each held against the rest.
+
+    Named is the surest of the groups in which there is more than in the rest, and the p-value is its own: the largest
+    rate may be that of a single game.
+
+    Args:
+        name: of what divides them.
+        groups: two at least.
+        sign: whether groups stand out that have more of it (1) or less (−1).
+        p_values: of each group against the rest.
+    """
+    ahead = [place for place, one in enumerate(groups) if sign * (one.value - one.rest_value) > 0.0]
+    if not ahead:
+        return Association(name, groups, 1.0, 1.0, _largest(groups, sign))
+    most = min(ahead, key=p_values.__getitem__)
+    tests = 1 if len(groups) == 2 else len(groups)
+    return Association(name, groups, min(1.0, tests * p_values[most]), 1.0, most)
+
+
+def _largest(groups: Sequence[GroupFigure], sign: float) -> int:
+    return max(range(len(groups)), key=lambda place: sign * groups[place].value)
 
 
 def group_figures(
@@ -143,8 +166,9 @@ def where_a_change_sits(
 ) -> tuple[Association, ...]:
     """In which ranges the difference between two sets of games differs from group to group.
 
-    The differences of the groups are held against each other (Cochran's Q), and their rise along a range against
-    0, in the pooled ranks of the figures; groups say the difference in the figures themselves.
+    The differences of fifths are held against each other (Cochran's Q), and their rise along a range against 0; that
+    of each category is held against the others'. This is done in the pooled ranks of the figures; groups say the
+    difference in the figures themselves.
 
     Args:
         older: a figure of each game of the one; NaN: nothing is known of it.
@@ -166,10 +190,13 @@ def _change_by_group(older: Numbers, newer: Numbers, drawn: DrawnRange, sign: fl
     ]
     if len(places) < 2:
         return None
-    p = _heterogeneity(rankdata(values) / values.size, is_new, group, places, drawn.values is not None)
     groups = tuple(_change_in(values, is_new, group, place, drawn.labels) for place in places)
-    most = max(range(len(groups)), key=lambda index: sign * groups[index].value)
-    return Association(drawn.name, groups, p, 1.0, most)
+    ranks = rankdata(values) / values.size
+    cells = [(ranks[(group == place) & is_new], ranks[(group == place) & ~is_new]) for place in places]
+    changed, variances = _changes(cells)
+    if drawn.values is None:
+        return of_groups(drawn.name, groups, sign, _contrasts(changed, variances))
+    return Association(drawn.name, groups, _heterogeneity(changed, variances), 1.0, _largest(groups, sign))
 
 
 def _change_in(
@@ -183,21 +210,31 @@ def _change_in(
     return GroupFigure(labels[place], int(inside.sum()), change(inside), int(outside.sum()), change(outside))
 
 
-def _heterogeneity(
-    ranks: Numbers, is_new: Flags, group: np.typing.NDArray[np.int64], places: Sequence[int], ordered: bool
-) -> float:
-    """The p-value of differences between groups being one, and, where the groups have an order, of no rise along it."""
-    cells = [(ranks[(group == place) & is_new], ranks[(group == place) & ~is_new]) for place in places]
+def _changes(cells: Sequence[tuple[Numbers, Numbers]]) -> tuple[Numbers, Numbers]:
+    """The change of each group, newer less older, and its variance by the spread within all of them."""
     within = sum(float(np.sum((cell - cell.mean()) ** 2)) for pair in cells for cell in pair)
     spread = within / (sum(cell.size for pair in cells for cell in pair) - 2 * len(cells))
-    if spread == 0.0:
+    changed = np.array([new.mean() - old.mean() for new, old in cells])
+    return changed, spread * np.array([1.0 / new.size + 1.0 / old.size for new, old in cells])
+
+
+def _contrasts(changed: Numbers, variances: Numbers) -> list[float]:
+    """The p-value of each group's change being that of the others, weighted by how well theirs are known."""
+    if not variances.any():
+        return [1.0] * changed.size
+    weights = 1.0 / variances
+    others = weights.sum() - weights
+    away = changed - (np.sum(weights * changed) - weights * changed) / others
+    return [float(p) for p in 2.0 * norm.sf(np.abs(away) / np.sqrt(variances + 1.0 / others))]
+
+
+def _heterogeneity(changed: Numbers, variances: Numbers) -> float:
+    """The p-value of the changes of groups in an order being one (Cochran's Q), and of no rise along it."""
+    if not variances.any():
         return 1.0
-    effects = np.array([new.mean() - old.mean() for new, old in cells])
-    weights = np.array([1.0 / (spread * (1.0 / new.size + 1.0 / old.size)) for new, old in cells])
-    away = effects - float(np.average(effects, weights=weights))
-    different = float(chi2.sf(np.sum(weights * away**2), len(cells) - 1))
-    if not ordered:
-        return different
-    along = np.arange(len(cells)) - float(np.average(np.arange(len(cells)), weights=weights))
-    rise = float(np.sum(weights * along * effects) / np.sqrt(np.sum(weights * along**2)))
+    weights, order = 1.0 / variances, np.arange(changed.size)
+    away = changed - float(np.average(changed, weights=weights))
+    different = float(chi2.sf(np.sum(weights * away**2), changed.size - 1))
+    along = order - float(np.average(order, weights=weights))
+    rise = float(np.sum(weights * along * changed) / np.sqrt(np.sum(weights * along**2)))
     return min(1.0, 2.0 * min(different, float(2.0 * norm.sf(abs(rise)))))

@@ -16,6 +16,7 @@ from app.campaign.report.analysis.explaining import (
     GroupFigure,
     corrected,
     explained,
+    of_groups,
     where_a_change_sits,
 )
 from app.campaign.report.analysis.metrics import Metric, MetricSort, mean_by_game
@@ -73,7 +74,7 @@ def _piece_name(symbol: str | None) -> str | None:
 
 def _division(name: str, change: MetricChange, match: GameMatch, older: Words, newer: Words) -> Association | None:
     """Each level of what plies differ by against the other plies of its game; the best p-value times the levels."""
-    groups, p_values, directions = [], [], []
+    groups, p_values = [], []
     levels = sorted({one for one in older if one is not None} & {one for one in newer if one is not None})
     for level in levels:
         sides = (_sides(change.metric, match.older, older == level), _sides(change.metric, match.newer, newer == level))
@@ -83,13 +84,7 @@ def _division(name: str, change: MetricChange, match: GameMatch, older: Words, n
             continue
         groups.append(_group(level, inside, rest, match.paired))
         p_values.append(_contrast_p(against[0], against[1], match.paired))
-        directions.append(change.sign * (groups[-1].value - groups[-1].rest_value))
-    ahead = [place for place, direction in enumerate(directions) if direction > 0.0]
-    if len(groups) < 2 or not ahead:
-        return None
-    most = min(ahead, key=p_values.__getitem__)
-    tests = 1 if len(groups) == 2 else len(groups)
-    return Association(name, tuple(groups), min(1.0, tests * p_values[most]), 1.0, most)
+    return of_groups(name, tuple(groups), change.sign, p_values) if len(groups) > 1 else None
 
 
 def _sides(metric: Metric, rows: CampaignRows, inside: Flags | NDArray[np.object_]) -> tuple[Numbers, Numbers]:

@@ -15,10 +15,11 @@ from app.campaign.environment import CampaignEnvironment
 from app.campaign.folder import KeptCampaign
 from app.campaign.report.analysis import comparing
 from app.campaign.report.analysis.comparing import matched, with_the_same_plies
-from app.campaign.report.analysis.conditions import drawn_ranges
-from app.campaign.report.analysis.explaining import explained
+from app.campaign.report.analysis.conditions import DrawnRange, drawn_ranges
+from app.campaign.report.analysis.explaining import explained, where_a_change_sits
 from app.campaign.report.analysis.metrics import FAILED
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
+from app.campaign.report.analysis.statistics import fisher
 from app.campaign.report.findings import CampaignComparison, compared
 from app.campaign.report.sentences import comparison_lead, comparison_sentences
 from app.campaign.schema import TaskKind
@@ -233,6 +234,53 @@ def test_failures_that_depend_on_nothing_are_explained_in_one_campaign_of_twenty
     for number in range(120):
         named += any(one.holds for one in explained(rng.random(100) < 0.12, ranges[number % 8]))
     assert named <= 0.05 * 120
+
+
+def in_groups(sizes: tuple[int, ...]) -> DrawnRange:
+    """Words of which so many games have each."""
+    group = np.repeat(np.arange(len(sizes)), sizes)
+    return DrawnRange("the machine", None, group, tuple("abc"[: len(sizes)]))
+
+
+def test_the_group_that_is_named_is_the_one_that_the_p_value_is_of() -> None:
+    """One game in one of a group is a rate of 100 %, and next to no evidence."""
+    failed = np.concatenate([[True], np.arange(49) < 10, np.zeros(50, bool)])
+    (one,) = explained(failed, [in_groups((1, 49, 50))])
+    assert one.standing_out.label == "b"
+    assert one.p == pytest.approx(3.0 * fisher(10, 49, 1, 51))
+    (rare,) = explained(np.concatenate([[True], np.arange(99) < 10]), [in_groups((1, 99))])
+    assert rare.p == pytest.approx(fisher(1, 1, 10, 99)), "two groups are one test"
+    assert not rare.holds
+
+
+def test_where_nothing_differs_no_group_is_named() -> None:
+    (same,) = explained(np.ones(20, bool), [in_groups((5, 15))])
+    assert same.p == 1.0
+
+
+def test_of_two_samples_the_group_named_is_the_surest_too() -> None:
+    """In a group of four games the change is large by chance, in one of a hundred it is there."""
+    rng = np.random.default_rng(2)
+    older, newer = rng.normal(size=(2, 100))
+    newer[50:] += 1.2
+    older[:2], newer[:2] = -1.0, 1.0
+    both = in_groups((2, 48, 50))
+    (one,) = where_a_change_sits(older, newer, [replace(both, group=np.tile(both.group, 2))], 1.0)
+    assert one.groups[0].value > one.groups[2].value
+    assert one.standing_out.label == "c"
+    assert one.holds
+
+
+@pytest.mark.parametrize("rate", [None, 0.05, 0.2])
+def test_groups_of_any_size_are_named_by_chance_in_one_of_twenty(rate: float | None) -> None:
+    """Of 800 it was 2 to 5 %; by one test of all groups together it had been up to 8 %."""
+    rng, named = np.random.default_rng(6), 0
+    for _ in range(200):
+        group = rng.choice(3, 200, p=(0.04, 0.48, 0.48))
+        values = rng.normal(size=200) if rate is None else (rng.random(200) < rate).astype(float)
+        found = where_a_change_sits(values[:100], values[100:], [DrawnRange("x", None, group, ("a", "b", "c"))], 1.0)
+        named += any(one.holds for one in found)
+    assert named <= 0.06 * 200
 
 
 @pytest.mark.parametrize("where", ["low", "high", "ends", "middle", "category"])
