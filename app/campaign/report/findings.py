@@ -112,6 +112,7 @@ class CampaignComparison:
     """What came of holding a campaign against an older one.
 
     Attributes:
+        older: the older campaign, all of it.
         match: which games were held against which.
         changes: of each metric in which anything differs, those that were found located; in the order of the metrics.
         same: metrics that were measured and of which there is nothing to test, since every figure is the same.
@@ -120,6 +121,7 @@ class CampaignComparison:
         differences: in what was drawn, and in the environments; None: nobody can say.
     """
 
+    older: CampaignRows
     match: GameMatch
     changes: tuple[MetricChange, ...]
     same: tuple[Metric, ...]
@@ -205,8 +207,12 @@ def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBa
         rows, _rates(rows), tuple(one for one in found if one is not None), product_bars(rows), bars_by_figure(bars),
         _failures(rows), explained(failed, ranges) if failed.any() else (),
         explained(mended, ranges) if mended.any() else (), _throughput(rows), comparison,
-        None if bars is None else judged(bars, rows, None if comparison is None else comparison.changes),
+        None if bars is None else _judged(bars, rows, comparison),
     )  # fmt: skip
+
+
+def _judged(bars: GateBars, rows: CampaignRows, comparison: CampaignComparison | None) -> tuple[GateVerdict, ...]:
+    return judged(bars, rows) if comparison is None else judged(bars, rows, comparison.match, comparison.changes)
 
 
 def compared(older: CampaignRows, newer: CampaignRows) -> CampaignComparison:
@@ -225,7 +231,7 @@ def compared(older: CampaignRows, newer: CampaignRows) -> CampaignComparison:
     same = tuple(metric for metric in match.metrics if _the_same(*sides_of(metric, match), match.paired))
     none = np.zeros(len(match.older.games)), np.zeros(len(match.newer.games))
     visible = visible_rate(*none, match.paired, level_of(len(found) + 1))
-    return CampaignComparison(match, found, same, visible, _differences(older, newer))
+    return CampaignComparison(older, match, found, same, visible, _differences(older, newer))
 
 
 def _require_one_kind(older: CampaignRows, newer: CampaignRows) -> None:

@@ -13,7 +13,7 @@ from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.campaign.report.analysis.comparing import MetricChange
+from app.campaign.report.analysis.comparing import GameMatch, MetricChange
 from app.campaign.report.analysis.distributions import (
     FIGURES,
     CampaignFigure,
@@ -140,14 +140,15 @@ def load_bars(path: Path) -> GateBars:
 
 
 def judged(
-    bars: GateBars, rows: CampaignRows, changes: tuple[MetricChange, ...] | None = None
+    bars: GateBars, rows: CampaignRows, match: GameMatch | None = None, changes: tuple[MetricChange, ...] = ()
 ) -> tuple[GateVerdict, ...]:
     """Hold a campaign against the bars.
 
     Args:
         bars: of the file.
         rows: of the campaign.
-        changes: what a comparison with an older one found; None: it was not compared.
+        match: which of its games were held against which of an older one; None: it was not compared.
+        changes: what that found.
 
     Raises:
         ConfigError: the bars ask for a comparison, and there is none.
@@ -156,7 +157,7 @@ def judged(
     verdicts += [_rate(metric, bar, rows) for metric, bar in bars.of_metrics()]
     verdicts += [_quantile(figure, bar, rows) for figure, bar in bars.of_figures()]
     if bars.compare is not None and bars.compare.nothing_worse:
-        verdicts.append(_nothing_worse(changes))
+        verdicts.append(_nothing_worse(match, changes))
     return tuple(replace(one, sentence=f"so far, {one.sentence}") if rows.unfinished else one for one in verdicts)
 
 
@@ -209,12 +210,20 @@ def _unit(figure: CampaignFigure) -> str:
     return f" {figure.unit}" if figure.unit else ""
 
 
-def _nothing_worse(changes: tuple[MetricChange, ...] | None) -> GateVerdict:
-    if changes is None:
+def _nothing_worse(match: GameMatch | None, changes: tuple[MetricChange, ...]) -> GateVerdict:
+    if match is None:
         raise ConfigError("the gate asks that nothing is worse than in an older campaign: say which, by --compare")
+    if match.empty:
+        return GateVerdict("compare", False, nothing_compared(match))
     worse = [change.metric.name for change in changes if change.found and change.worse]
     said = f"worse than before: {', '.join(worse)}" if worse else "nothing was found to be worse than before"
     return GateVerdict("compare", not worse, said)
+
+
+def nothing_compared(match: GameMatch) -> str:
+    """That there was nothing to compare, and when there will be, as a sentence without capital and stop."""
+    empty = " and ".join(dict.fromkeys(f"'{one.name}'" for one in (match.older, match.newer) if not len(one.games)))
+    return f"there was nothing to compare, as no game is done in {empty}: compare again once some are"
 
 
 def bars_by_figure(bars: GateBars | None) -> Mapping[str, QuantileBar]:

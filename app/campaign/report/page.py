@@ -188,10 +188,11 @@ def _explained_table(what: str, associations: Sequence[Association]) -> Html:
 
 
 def _figures(found: CampaignFindings) -> Html:
-    older = None if found.comparison is None else found.comparison.match.older
+    older = None if found.comparison is None else found.comparison.older
     charts = [chart for chart in (durations_chart(found), *peak_charts(found, older)) if chart is not None]
     counts = [one for one in found.distributions if one.figure in COUNTS]
-    table = scrolling(figures_table(counts, found, "In each game"), "Counts in each game") if counts else Html("")
+    caption = "In each game played to the end"
+    table = scrolling(figures_table(counts, found, caption), caption) if counts else Html("")
     if not charts and not counts:
         return tag("p", "The rows hold no figures.")
     return joined([_charts(charts), table, tag("p", _PLIES_IN_GAMES, class_="soft")])

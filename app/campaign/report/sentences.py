@@ -10,7 +10,8 @@ from app.campaign.report.analysis.explaining import Association
 from app.campaign.report.analysis.metrics import METRICS, Metric, MetricSort
 from app.campaign.report.analysis.statistics import CONFIDENCE
 from app.campaign.report.findings import CampaignComparison, CampaignFindings, OutcomeRate
-from app.campaign.report.wording import amount, chance, counted, interval, percent, signed
+from app.campaign.report.gate import nothing_compared
+from app.campaign.report.wording import amount, capital, chance, counted, interval, percent, signed
 
 SAID_FIRST = ("failed", "duration.quiet", "duration.capture", "placement", "force")
 """Metrics of which it is said in words how large a change would have been seen."""
@@ -85,7 +86,9 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     """What was held against what."""
     match = comparison.match
     said = []
-    if match.paired:
+    if match.empty:
+        said.append(f"{counted(len(match.older.games), 'older game')} and {len(match.newer.games)} newer.")
+    elif match.paired:
         pairs = len(match.newer.games)
         said.append(f"{counted(pairs, 'pair')} of games with the same seed in both campaigns "
                     f"{'is' if pairs == 1 else 'are'} compared, ply by ply where the move is the same.")  # fmt: skip
@@ -109,6 +112,8 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
 
 def comparison_sentences(comparison: CampaignComparison) -> list[str]:
     """What became better or worse, where it sits, and what would have been seen."""
+    if comparison.match.empty:
+        return [f"{capital(nothing_compared(comparison.match))}."]
     tests = len(comparison.changes)
     said = [change_sentence(change, tests, comparison.match.paired) for change in comparison.told]
     if not said:

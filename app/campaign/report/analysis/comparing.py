@@ -27,7 +27,7 @@ from app.campaign.report.analysis.effects import (
 )
 from app.campaign.report.analysis.explaining import Association
 from app.campaign.report.analysis.metrics import METRICS, Metric, MetricSort
-from app.campaign.report.analysis.rows import CampaignRows
+from app.campaign.report.analysis.rows import CampaignRows, RowTable
 from app.campaign.report.analysis.statistics import (
     SIGNIFICANT,
     Numbers,
@@ -45,6 +45,9 @@ _ENOUGH_PAIRS: Final = 0.5
 """Of the games of the smaller campaign: with fewer in both, all games are compared, as two samples."""
 _MOST_EQUAL: Final = 0.1
 """Of pairs: with more of them equal, the typical shift is 0 whatever happens to the rest."""
+_PLACE_OF_PLY: Final = ("seed", "ply")
+_SORT_OF_PLY: Final = ("uci", "kind", "piece", "by")
+"""Columns in which plies of two campaigns are the same, so that one can be held against the other."""
 _TESTS_OF_A_FIGURE: Final = 2
 """By ranks, which sees a small change of all games, and of the averages, which sees a large one of few."""
 
@@ -68,6 +71,11 @@ class GameMatch:
     left_out: int
     alike: int
     metrics: tuple[Metric, ...] = METRICS
+
+    @property
+    def empty(self) -> bool:
+        """There is no game on one side at least, so nothing is compared."""
+        return min(len(self.older.games), len(self.newer.games)) == 0
 
     @property
     def without_whole_games(self) -> GameMatch:
@@ -131,11 +139,11 @@ def matched(older: CampaignRows, newer: CampaignRows) -> GameMatch:
 
 
 def plies_in_both(match: GameMatch) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The places of plies in both campaigns that are the same move in the same place of the same game."""
+    """The places of plies in both campaigns that are the same move of the same piece in the same place of a game."""
 
-    def keys(rows: CampaignRows) -> list[tuple[float, float, object]]:
-        plies = rows.plies
-        return list(zip(plies.numbers("seed"), plies.numbers("ply"), plies.words("uci"), strict=True))
+    def keys(rows: CampaignRows) -> list[tuple[object, ...]]:
+        numbers, words = map(rows.plies.numbers, _PLACE_OF_PLY), map(rows.plies.words, _SORT_OF_PLY)
+        return list(zip(*numbers, *words, strict=True))
 
     places = {key: place for place, key in enumerate(keys(match.older))}
     found = [(places[key], place) for place, key in enumerate(keys(match.newer)) if key in places]
@@ -144,15 +152,28 @@ def plies_in_both(match: GameMatch) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 
 def with_the_same_plies(match: GameMatch) -> GameMatch:
-    """The match with only those plies that both campaigns have, so that like is held against like."""
+    """The match with only those plies, and figures of them, that both campaigns have: like is held against like.
+
+    A figure is null where something went wrong in a ply; averages of the others alone would be better for it.
+    """
     if not match.paired:
         return match
     old, new = plies_in_both(match)
+    older, newer = match.older.plies.where(old), match.newer.plies.where(new)
     return replace(
         match,
-        older=replace(match.older, plies=match.older.plies.where(old)),
-        newer=replace(match.newer, plies=match.newer.plies.where(new)),
+        older=replace(match.older, plies=_where_known(older, newer)),
+        newer=replace(match.newer, plies=_where_known(newer, older)),
     )
+
+
+def _where_known(plies: RowTable, others: RowTable) -> RowTable:
+    """The plies without the numbers that the same rows of the others do not have."""
+    columns = {
+        name: np.where(np.isnan(others.numbers(name)), np.nan, column) if column.dtype == np.float64 else column
+        for name, column in plies.columns.items()
+    }
+    return RowTable(columns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -229,6 +229,17 @@ def test_campaigns_that_have_just_begun_have_a_page(games: int) -> None:
     assert f"{games} of 1000 games so far" in Walk(campaign_page(findings(begun))).text
 
 
+def test_the_older_campaign_is_drawn_whole() -> None:
+    """Also with plies of which the newer one has no partner: its moves were other ones."""
+    older, newer = campaign(range(30), 1), campaign(range(30), 2)
+    moves = np.where(newer.plies.numbers("ply") > 8, "other", newer.plies.words("uci")).astype(np.object_)
+    moved = replace(newer, plies=RowTable({**newer.plies.columns, "uci": moves}))
+    pages = [campaign_page(findings(rows, older)) for rows in (newer, moved)]
+    lines = [re.findall('<path [^>]*class="line two"', page) for page in pages]
+    assert len(lines[0]) == 3
+    assert lines[0] == lines[1]
+
+
 def test_many_failures_are_cut_off_and_said() -> None:
     games = [{"seed": seed, "outcome": "unmended", "reason": "left"} for seed in range(MOST_FAILURES + 7)]
     page = Walk(campaign_page(findings(CampaignRows("x", RowTable.of(games), RowTable.of([])))))

@@ -173,11 +173,55 @@ def test_only_the_same_moves_are_held_against_each_other() -> None:
     assert comparing.tested(match) == ()
 
 
-def test_rows_of_no_game_compare_to_nothing() -> None:
-    nothing = CampaignRows("none", RowTable.of([], ["seed", "outcome"]), RowTable.of([], ["seed", "ply"]))
-    comparison = compared(nothing, campaign(range(5), 1))
+@pytest.mark.parametrize("worse", [True, False])
+def test_a_ply_that_could_not_be_measured_makes_nothing_faster(worse: bool) -> None:
+    """The slowest capture of each game was put right on the way in one campaign, and has no time there."""
+    older = campaign(range(40), 1)
+    real = older.plies.numbers("real_s").copy()
+    captures = np.where(older.plies.words("kind") == "capture", real, -np.inf).reshape(40, -1)
+    real[np.arange(40) * captures.shape[1] + captures.argmax(axis=1)] = np.nan
+    newer = replace(older, plies=RowTable({**older.plies.columns, "real_s": real}))
+    sides = (older, newer) if worse else (newer, older)
+    assert compared(*sides).changes == ()
+
+
+def test_where_a_change_sits_is_found_in_plies_that_both_have_measured() -> None:
+    """All take 0.1 s longer; only the quick ones of knights, and the slow ones of the others, have a time."""
+    older, newer = campaign(range(40), 1), campaign(range(40), 2)
+    real, quiet = newer.plies.numbers("real_s") + 0.1, newer.plies.words("kind") == "quiet"
+    knight = np.isin(newer.plies.words("piece"), ("N", "n"))
+    real[quiet & (knight == (real > 1.4))] = np.nan
+    comparison = compared(older, replace(newer, plies=RowTable({**newer.plies.columns, "real_s": real})))
+    (change,) = [one for one in comparison.found if one.metric.key == "duration.quiet"]
+    assert change.estimate.value == pytest.approx(0.1, abs=0.02)
+    assert "the piece" not in {one.name for one in change.where if one.holds}
+
+
+@pytest.mark.parametrize("column", ["kind", "piece", "by"])
+def test_plies_of_another_kind_piece_or_hand_are_not_held_against_each_other(column: str) -> None:
+    older, newer = campaign(range(10), 1), campaign(range(10), 1)
+    real, other = newer.plies.numbers("real_s").copy(), newer.plies.words(column).copy()
+    real[:5], other[:5] = 9.0, "other"
+    plies = RowTable({**newer.plies.columns, "real_s": real, column: other})
+    assert compared(older, replace(newer, plies=plies)).changes == ()
+
+
+def nothing() -> CampaignRows:
+    return CampaignRows("none", RowTable.of([], ["seed", "outcome"]), RowTable.of([], ["seed", "ply"]))
+
+
+@pytest.mark.parametrize(
+    ("older", "newer", "empty"),
+    [(nothing(), campaign(range(5), 1), "'none'"), (campaign(range(5), 1), nothing(), "'none'"),
+     (nothing(), replace(nothing(), name="new"), "'none' and 'new'")],
+)  # fmt: skip
+def test_without_a_game_there_is_nothing_to_compare(older: CampaignRows, newer: CampaignRows, empty: str) -> None:
+    comparison = compared(older, newer)
     assert comparison.changes == ()
-    assert comparison_sentences(comparison)
+    assert comparison_lead(comparison)[0] == f"{len(older.games)} older games and {len(newer.games)} newer."
+    assert comparison_sentences(comparison) == [
+        f"There was nothing to compare, as no game is done in {empty}: compare again once some are."
+    ]
 
 
 def test_a_pair_of_which_nothing_is_known_is_not_one_without_a_change() -> None:

@@ -103,6 +103,10 @@ def test_games_and_comparisons() -> None:
     assert worse.sentence == "worse than before: time of capture plies"
     (same,) = findings(campaign(range(40), 2), older, bars).verdicts or ()
     assert same.held
+    for rows, before in ((outcomes(), older), (older, outcomes()), (outcomes(), outcomes())):
+        (empty,) = findings(rows, before, bars).verdicts or ()
+        assert not empty.held, "of no game nothing was worse"
+        assert empty.sentence == "there was nothing to compare, as no game is done in 'x': compare again once some are"
     with pytest.raises(ConfigError, match="say which, by --compare"):
         findings(older, None, bars)
 
