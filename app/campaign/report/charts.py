@@ -236,9 +236,9 @@ def _figure_row(one: Distribution, found: CampaignFindings) -> tuple[str, ...]:
 
 
 def _beyond(one: Distribution, found: CampaignFindings, bar: ProductBar) -> str:
-    count, bound = share_beyond(one, found.rows, bar)
+    beyond = share_beyond(one, found.rows, bar)
     sure = f"with {percent(bar.confidence)} confidence"
-    return f"{count} beyond {amount(bar.value)} ({bar.says}): at most {percent(bound)} {sure}"
+    return f"{beyond.hits} beyond {amount(bar.value)} ({bar.says}): at most {percent(beyond.at_most)} {sure}"
 
 
 def groups_chart(name: str, one: Association, what: str, metric: Metric | None) -> Chart:

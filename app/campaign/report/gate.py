@@ -192,16 +192,16 @@ def _quantile(figure: CampaignFigure, bar: QuantileBar, rows: CampaignRows) -> G
     found = distribution(figure, rows)
     if found is None:
         return GateVerdict(figure.key, False, f"{figure.name}: there was none to judge")
-    count, bound = share_beyond(found, rows, ProductBar(bar.at_most, "", bar.confidence))
+    beyond = share_beyond(found, rows, ProductBar(bar.at_most, "", bar.confidence))
     allowed = 1.0 - bar.quantile
-    what = "plies" if figure.of_plies else "games"
-    held = bound <= allowed + 1e-12
+    what = "plies" if figure.of_plies else "games played to the end"
+    held = beyond.at_most <= allowed + 1e-12
     sentence = (
         f"{figure.name}: {percent(bar.quantile)} of the {what} are within {amount(found.quantile(bar.quantile))}"
-        f"{_unit(figure)}; {count} of {found.values.size} are beyond {amount(bar.at_most)}{_unit(figure)}, so at most "
-        f"{percent(bound)} with {percent(bar.confidence)} confidence; the bar is {percent(allowed)}"
+        f"{_unit(figure)}; {beyond.hits} of {beyond.trials} are beyond {amount(bar.at_most)}{_unit(figure)}, so at "
+        f"most {percent(beyond.at_most)} with {percent(bar.confidence)} confidence; the bar is {percent(allowed)}"
     )
-    if count == 0 and not held:
+    if beyond.hits == 0 and not held:
         sentence += f", which takes {games_for(RateBar(at_most=allowed, confidence=bar.confidence))} without one"
     return GateVerdict(figure.key, held, sentence)
 

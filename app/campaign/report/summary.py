@@ -60,9 +60,9 @@ def _figure(one: Distribution, found: CampaignFindings) -> Mapping[str, Any]:
     bars = []
     for bar in bars_of(one.figure, found):
         if bar.counted:
-            count, bound = share_beyond(one, found.rows, bar)
-            bars.append({"bar": bar.value, "said": bar.says, "beyond": count, "share_at_most": bound,
-                         "confidence": bar.confidence})  # fmt: skip
+            beyond = share_beyond(one, found.rows, bar)
+            bars.append({"bar": bar.value, "said": bar.says, "beyond": beyond.hits, "of": beyond.trials,
+                         "share_at_most": beyond.at_most, "confidence": bar.confidence})  # fmt: skip
     return {
         "unit": one.figure.unit,
         "values": one.values.size,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.campaign.report.analysis.metrics import ENDED_EARLY
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import CONFIDENCE, Numbers, clustered_at_most, rate_at_most
 from app.pieces.inventory import MoveKind
@@ -104,27 +105,40 @@ class Distribution:
 
 
 def distribution(figure: CampaignFigure, rows: CampaignRows) -> Distribution | None:
-    """What the rows say of a figure; None: nothing."""
+    """What the rows say of a figure; None: nothing. Of games those played to the end: in others less happened."""
     values = (rows.plies if figure.of_plies else rows.games).numbers(figure.column)
     known = ~np.isnan(values)
     if figure.of_plies:
         known &= rows.by_arm
+    else:
+        known &= ~rows.outcome_is(*ENDED_EARLY)
     if figure.kind is not None:
         known &= rows.plies.words("kind") == figure.kind.value
     places = np.flatnonzero(known)
     return Distribution(figure, values[known], places) if places.size else None
 
 
-def share_beyond(found: Distribution, rows: CampaignRows, bar: ProductBar) -> tuple[int, float]:
-    """How many values exceed a bar, and what share of all does at most, at the bar's confidence."""
+class ShareBeyond(NamedTuple):
+    """How many values exceed a bar, of how many, and what share of all does at most, at the bar's confidence."""
+
+    hits: int
+    trials: int
+    at_most: float
+
+
+def share_beyond(found: Distribution, rows: CampaignRows, bar: ProductBar) -> ShareBeyond:
+    """What exceeds a bar; of games that ended early those which did so all the same: of the others nobody knows."""
     beyond = found.values > bar.value
     count = int(beyond.sum())
     if not found.figure.of_plies:
-        return count, rate_at_most(count, beyond.size, bar.confidence)
+        early = rows.games.numbers(found.figure.column)[rows.outcome_is(*ENDED_EARLY)]
+        more = int(np.sum(early > bar.value))
+        count, games = count + more, beyond.size + more
+        return ShareBeyond(count, games, rate_at_most(count, games, bar.confidence))
     game, games = rows.game_of_plies()[found.places], len(rows.games)
     hits = np.bincount(game[beyond & (game >= 0)], minlength=games).astype(np.float64)
     trials = np.bincount(game[game >= 0], minlength=games).astype(np.float64)
-    return count, clustered_at_most(hits, trials, bar.confidence)
+    return ShareBeyond(count, beyond.size, clustered_at_most(hits, trials, bar.confidence))
 
 
 def worst_game(found: Distribution, rows: CampaignRows) -> tuple[int, int | None]:

@@ -86,6 +86,25 @@ def test_counts_of_games_are_judged_likewise() -> None:
     assert "of 60 are beyond 0" in verdict.sentence
 
 
+def counts(column: str, **told: tuple[int, float]) -> CampaignRows:
+    """Of each outcome so many games, each with so much in a column."""
+    rows = [(outcome, value) for outcome, (games, value) in told.items() for _ in range(games)]
+    games = [{"seed": seed, "outcome": outcome, column: value} for seed, (outcome, value) in enumerate(rows)]
+    return CampaignRows("x", RowTable.of(games), RowTable.of([]))
+
+
+def test_games_that_ended_early_hold_no_bar_of_counts() -> None:
+    """In them less happened; what had happened all the same did."""
+    bar = "[repairs]\nquantile = 0.5\nat_most = 2"
+    rows = counts("repairs", crashed=(97, 0), mended=(3, 9))
+    assert not one_of(bar, rows).held
+    assert "3 of 3 are beyond 2" in one_of(bar, rows).sentence
+    rows = counts("repairs", right=(60, 0), unmended=(7, 9), crashed=(30, 0))
+    assert "50 % of the games played to the end are within 0; 7 of 67 are beyond 2" in one_of(bar, rows).sentence
+    assert one_of(bar, rows).held
+    assert "none to judge" in one_of(bar, counts("repairs", crashed=(9, 0), unmended=(9, 1))).sentence
+
+
 def test_what_nobody_measured_holds_no_bar() -> None:
     verdict = one_of("[duration.castling]\nquantile = 0.9\nat_most = 9", outcomes(right=10))
     assert not verdict.held
