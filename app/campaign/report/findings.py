@@ -31,7 +31,7 @@ from app.campaign.report.analysis.metrics import FAILED, OUTCOMES, Metric, Metri
 from app.campaign.report.analysis.rows import CampaignRows
 from app.campaign.report.analysis.statistics import Numbers, RateBounds, rate_at_most, rate_bounds
 from app.campaign.report.gate import GateBars, GateVerdict, QuantileBar, bars_by_figure, judged
-from app.settings.toml import toml_value
+from app.settings.toml import ConfigError, toml_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,9 +196,11 @@ def findings(rows: CampaignRows, older: CampaignRows | None = None, bars: GateBa
     """Find out all that there is to say of a campaign.
 
     Raises:
-        ConfigError: the gate asks for a comparison, and there is no older campaign.
+        ConfigError: the campaign's file cannot be read; or the gate asks for a comparison, and there is no older one.
         CampaignComparisonError: the older campaign is of another kind.
     """
+    if rows.unread:  # it says how many games there will be; without it a campaign that goes on would seem finished
+        raise ConfigError(rows.unread)
     comparison = None if older is None else compared(older, rows)
     ranges = drawn_ranges(rows)
     failed, mended = rows.outcome_is(*FAILED), rows.outcome_is("mended")
@@ -249,7 +251,10 @@ def _kinds(rows: CampaignRows) -> set[str]:
 
 
 def _lengths_differ(older: CampaignRows, newer: CampaignRows) -> bool:
-    """Whether the games of one campaign were to be longer than those of the other."""
+    """Whether the games of one campaign were to be longer than those of the other; by its games if its file is not."""
+    if older.unread:
+        was, is_now = (known(rows.games.numbers("plies_asked_for")) for rows in (older, newer))
+        return bool(np.max(was, initial=0.0) != np.max(is_now, initial=0.0))
     if older.kept is None or newer.kept is None:
         return False
     before, now = older.kept.spec.draw, newer.kept.spec.draw

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,12 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from app import UserError
-from app.campaign.folder import CAMPAIGN_FILE, kept_campaign
+from app.campaign.folder import CAMPAIGN_FILE, KeptCampaign, kept_campaign
 from app.campaign.ledger import ledgers_in, results_in
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
-from app.campaign.schema import GAMES_FILE, PLIES_FILE, SCHEMA_VERSION, GameRow, PlyRow, TaskResult
+from app.campaign.report.wording import counted
+from app.campaign.schema import GAMES_FILE, PLIES_FILE, SCHEMA_VERSION, GameRow, PlyRow, TaskOutcome, TaskResult
+from app.settings.toml import ConfigError
 
 
 class CampaignRowsError(UserError):
@@ -22,7 +26,7 @@ class CampaignRowsError(UserError):
 
 
 def read_rows(folder: Path) -> CampaignRows:
-    """Read what a campaign has found so far, also while it goes on.
+    """Read what a campaign has found so far, also while it goes on, and though its file cannot be read any more.
 
     Raises:
         UserError: there is no campaign in the folder, or its rows cannot be read.
@@ -31,14 +35,35 @@ def read_rows(folder: Path) -> CampaignRows:
         games, plies = _from_ledgers(folder)
     elif (folder / GAMES_FILE).is_file():
         games, plies = _from_parquet(folder / GAMES_FILE, GameRow), _from_parquet(folder / PLIES_FILE, PlyRow)
+        _require_games(folder / GAMES_FILE, games)
+        _require_plies(folder / PLIES_FILE, plies, games)
     else:
         raise CampaignRowsError(
             f"there is no result of a campaign in '{folder}': name a folder that 'touchmove campaign' was told by --out"
         )
     games = games.where(np.argsort(games.numbers("seed"), kind="stable"))
     plies = plies.where(np.lexsort((plies.numbers("ply"), plies.numbers("seed"))))
-    kept = kept_campaign(folder) if (folder / CAMPAIGN_FILE).is_file() else None
-    return CampaignRows(str(folder), games, plies, None if kept is None else kept.games, kept)
+    kept, unread = _kept(folder)
+    wanted = None if kept is None else kept.games
+    return _by_the_arm(CampaignRows(str(folder), games, plies, wanted, kept, unread))
+
+
+def _kept(folder: Path) -> tuple[KeptCampaign | None, str]:
+    """What the folder is the campaign of, or why its file cannot be read: a release may draw by other names."""
+    if not (folder / CAMPAIGN_FILE).is_file():
+        return None, ""
+    try:
+        return kept_campaign(folder), ""
+    except ConfigError as error:
+        return None, str(error)
+
+
+def _by_the_arm(rows: CampaignRows) -> CampaignRows:
+    """With the worst placement of each game among the plies that the arm made: the column has also people's."""
+    placed, game = np.where(rows.by_arm, rows.plies.numbers("error_mm"), np.nan), rows.game_of_plies()
+    worst = np.full(len(rows.games), np.nan)
+    np.fmax.at(worst, game[game >= 0], placed[game >= 0])
+    return replace(rows, games=RowTable({**rows.games.columns, "placement_max_mm": worst}))
 
 
 def _from_ledgers(folder: Path) -> tuple[RowTable, RowTable]:
@@ -77,6 +102,45 @@ def _from_parquet(file: Path, row: type[GameRow | PlyRow]) -> RowTable:
             "ledger"
         )
     return rows
+
+
+def _require_games(file: Path, games: RowTable) -> None:
+    """Each game has a seed of its own and an outcome that there is: with another it would count as one that held."""
+    _require_seeds(file, games)
+    seeds, counts = np.unique(games.numbers("seed"), return_counts=True)
+    if np.any(counts > 1):
+        seed = int(seeds[counts > 1][0])
+        raise CampaignRowsError(f"'{file}' has more than one game of seed {seed}: make it again from the ledger")
+    outcomes = set(TaskOutcome)
+    for outcome in games.words("outcome"):
+        if outcome not in outcomes:
+            has = "without an outcome" if outcome is None else f"of outcome '{outcome}'"
+            raise CampaignRowsError(
+                f"'{file}' has a game {has}, and there are {', '.join(TaskOutcome)}: make it again from the ledger"
+            )
+
+
+def _require_plies(file: Path, plies: RowTable, games: RowTable) -> None:
+    """The plies are those of the games, none of them twice."""
+    _require_seeds(file, plies)
+    found = Counter(plies.numbers("seed").tolist())
+    told = dict(zip(games.numbers("seed").tolist(), games.numbers("plies").tolist(), strict=True))
+    for seed in (*told, *found):
+        if found[seed] != told.get(seed, 0.0):
+            raise CampaignRowsError(
+                f"'{file}' has {found[seed]} plies of seed {seed:.0f}, and {GAMES_FILE} says {told.get(seed, 0.0):g}: "
+                "make both again from the ledger"
+            )
+
+
+def _require_seeds(file: Path, rows: RowTable) -> None:
+    seeds = rows.numbers("seed")
+    wrong = ~np.isfinite(seeds) | (seeds != np.floor(seeds)) | (seeds < 0.0)
+    if wrong.any():
+        raise CampaignRowsError(
+            f"'{file}' has {counted(int(wrong.sum()), 'row')} whose seed is no whole number from 0: make it again from "
+            "the ledger"
+        )
 
 
 def _column(file: Path, name: str, column: Any) -> NDArray[Any]:

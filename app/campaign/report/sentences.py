@@ -102,7 +102,9 @@ def comparison_lead(comparison: CampaignComparison) -> list[str]:
     if match.metrics != METRICS:
         said.append("Their games have another number of plies, so counts and largest values of whole games are left "
                     "out; how games end may differ by that alone.")  # fmt: skip
-    if comparison.differences is not None:
+    if match.older.unread:
+        said.append(f"What was drawn in the older campaign is not known ({match.older.unread}).")
+    elif comparison.differences is not None:
         said.append(
             f"What differs in this campaign: {'; '.join(comparison.differences)}." if comparison.differences
             else "Both draw the same, and were played by the same program, engine and packages."

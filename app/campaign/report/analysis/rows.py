@@ -71,6 +71,7 @@ class CampaignRows:
         plies: one row each, in the order of games and plies.
         wanted: so many games the campaign has; None: nobody said.
         kept: what was drawn, and the environment; None: likewise.
+        unread: why the campaign's file, which says that, cannot be read; empty: it can, or there is none.
     """
 
     name: str
@@ -78,6 +79,7 @@ class CampaignRows:
     plies: RowTable
     wanted: int | None = None
     kept: KeptCampaign | None = None
+    unread: str = ""
 
     @property
     def unfinished(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ from app.campaign.schema import GameRow, PlyRow, TaskKind, TaskOutcome, TaskResu
 
 def result(seed: int, outcome: TaskOutcome = TaskOutcome.RIGHT, plies: int = 2) -> TaskResult:
     game = GameRow(
-        index=seed, seed=seed, kind=TaskKind.GAME, outcome=outcome, reason="ply limit", environment="abc", host="here",
-        cpu="one", wall_s=3.0, sim_s=9.0, drawn={"rig.profile": "fast", "randomisation.friction": 0.5 + seed},
+        index=seed, seed=seed, kind=TaskKind.GAME, outcome=outcome, reason="ply limit", plies=plies, environment="abc",
+        host="here", cpu="one", wall_s=3.0, sim_s=9.0,
+        drawn={"rig.profile": "fast", "randomisation.friction": 0.5 + seed},
     )  # fmt: skip
     rows = [
         PlyRow(
@@ -99,6 +101,63 @@ def test_a_table_that_holds_something_else_is_named(tmp_path: Path) -> None:
     table_of([one.game.columns() | {"repairs": [1, 2]}], tmp_path / "games.parquet")
     with pytest.raises(CampaignRowsError, match=r"column repairs of list<.*, which is neither numbers nor words"):
         read_rows(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "said"),
+    [
+        (
+            "outcome",
+            [None, "right"],
+            "has a game without an outcome, and there are right, mended, unmended, wrong, cra",
+        ),
+        ("outcome", [1, 1], "has a game without an outcome"),
+        ("outcome", ["right", "Wrong"], "has a game of outcome 'Wrong', and there are right, mended, unmended, wrong"),
+        ("seed", [None, 1], "has 1 row whose seed is no whole number from 0"),
+        ("seed", ["0", "1"], "has 2 rows whose seed is no whole number from 0"),
+        ("seed", [0.5, 1.0], "has 1 row whose seed is no whole number from 0"),
+        ("seed", [-1, 1], "has 1 row whose seed is no whole number from 0"),
+        ("seed", [1, 1], "has more than one game of seed 1"),
+        ("plies", [2, 3], "plies.parquet' has 2 plies of seed 1, and games.parquet says 3"),
+        ("seed", [0, 7], "plies.parquet' has 0 plies of seed 7, and games.parquet says 2"),
+    ],
+)
+def test_a_table_of_games_is_believed_only_so_far(tmp_path: Path, column: str, values: list[Any], said: str) -> None:
+    """An outcome that there is not would not count as failed, and a game that is there twice would count twice."""
+    results = [result(0), result(1)]
+    games = [one.game.columns() | {column: value} for one, value in zip(results, values, strict=True)]
+    table_of(games, tmp_path / "games.parquet")
+    table_of([ply.columns() for one in results for ply in one.plies], tmp_path / "plies.parquet")
+    with pytest.raises(CampaignRowsError, match=re.escape(said)) as caught:
+        read_rows(tmp_path)
+    assert "again from the ledger" in str(caught.value)
+
+
+def test_plies_that_are_there_twice_or_of_no_game_are_named(tmp_path: Path) -> None:
+    plies = [ply.columns() for seed in (0, 1) for ply in result(seed).plies]
+    table_of([result(0).game.columns()], tmp_path / "games.parquet")
+    for rows, said in (
+        (plies[:2] * 2, "has 4 plies of seed 0, and games.parquet says 2: make both again"),
+        (plies, "has 2 plies of seed 1, and games.parquet says 0: make both again"),
+        ([plies[0], plies[1] | {"seed": None}], "plies.parquet' has 1 row whose seed is no whole number"),
+    ):
+        table_of(rows, tmp_path / "plies.parquet")
+        with pytest.raises(CampaignRowsError, match=re.escape(said)):
+            read_rows(tmp_path)
+
+
+def test_the_worst_placement_of_a_game_is_the_arm_s(tmp_path: Path) -> None:
+    """A person puts pieces down as they like."""
+    two, hands = result(0, plies=3), result(1)
+    by = [two.plies[1].model_copy(update={"by": "hand", "error_mm": 7.0}), two.plies[2]]
+    nobody = [ply.model_copy(update={"by": "hand", "error_mm": 5.0}) for ply in hands.plies]
+    worst = {"placement_max_mm": 7.0}
+    write(tmp_path / "results.jsonl", [
+        TaskResult(game=two.game.model_copy(update=worst), plies=(two.plies[0], *by)),
+        TaskResult(game=hands.game.model_copy(update=worst), plies=tuple(nobody)),
+        TaskResult(game=result(2, plies=0).game),
+    ])  # fmt: skip
+    np.testing.assert_array_equal(read_rows(tmp_path).games.numbers("placement_max_mm"), [0.25, np.nan, np.nan])
 
 
 def test_a_table_that_is_missing_is_said_to_be(tmp_path: Path) -> None:

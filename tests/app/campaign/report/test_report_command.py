@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from app.campaign.schema import TaskOutcome
+from app.campaign.schema import TaskOutcome, TaskResult
 from app.cli.commands import app
 from tests.app.campaign.report.test_campaign_page import Walk
 from tests.app.campaign.report.test_reading import result, write
@@ -56,6 +56,42 @@ def test_the_gate_decides_on_the_status(folder: Path) -> None:
     assert "MISSED: games that crashed: 0 of 12, so at most 22.1 %" in missed.stdout
     (folder / "bars.toml").write_text("[unmended]\nat_most = 0.4\n")
     assert run(folder / "new", "--gate", folder / "bars.toml").exit_code == 0
+
+
+def campaign_file(folder: Path, draw: str = "") -> None:
+    (folder / "campaign.toml").write_text(
+        f"games = 12\n[spec]\n[spec.draw]\n{draw}\n[environment]\nsources = 'a'\npython = '3'\nengine = ''\n"
+        "packages = {}\nfiles = {}\nthreads = {}\n"
+    )
+
+
+def test_an_older_campaign_may_have_drawn_what_there_is_no_more(folder: Path) -> None:
+    """Releases are what a comparison is for; what is reported itself has to be read as a whole."""
+    campaign_file(folder / "new")
+    campaign_file(folder / "old", "rig.gone = 3")
+    told = run(folder / "new", "--compare", folder / "old")
+    assert told.exit_code == 1
+    (said,) = [line for line in told.stdout.splitlines() if line.startswith("What was drawn in the older campaign is")]
+    assert "is not known (campaign file " in said
+    assert "there is nothing called rig.gone to draw" in said
+    assert "12 pairs of games with the same seed" in told.stdout
+    refused = run(folder / "old")
+    assert refused.exit_code == 2
+    assert "there is nothing called rig.gone to draw" in refused.stderr
+    assert not (folder / "old" / "report.html").exists()
+
+
+@pytest.mark.parametrize(("asked_for", "left_out"), [(40, False), (80, True)])
+def test_how_long_games_of_an_unknown_campaign_were_is_seen_in_them(
+    folder: Path, asked_for: int, left_out: bool
+) -> None:
+    for name, length in (("new", 40), ("old", asked_for)):
+        games = [result(n).game.model_copy(update={"plies_asked_for": length}) for n in range(12)]
+        write(folder / name / "results.jsonl", [TaskResult(game=game, plies=result(0).plies) for game in games])
+    campaign_file(folder / "new")
+    campaign_file(folder / "old", "rig.gone = 3")
+    told = run(folder / "new", "--compare", folder / "old")
+    assert ("Their games have another number of plies" in told.stdout) is left_out
 
 
 def test_what_cannot_be_done_is_one_sentence_and_leaves_no_page(folder: Path) -> None:
