@@ -112,7 +112,7 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
         folder=output, before=None if before is None else before.game, now=now.game,
         different=() if before is None else _different(before, now),
         environment=kept.environment.differences(here),
-        other_cpu=before is not None and before.game.cpu != now.game.cpu,
+        other_cpu=before is not None and before.game.cpu not in (None, now.game.cpu),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,12 +20,13 @@ from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
 from app.campaign.ledger import WHOLE, Ledger, Shard, ledgers_in, results_in
 from app.campaign.named_files import engines_of, files_of
-from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
+from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, gone, no_room, results_of
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec
 from app.campaign.tables import GrowingTables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
+from app.campaign.troubles import MachineTrouble
 from app.campaign.workers.cluster import open_cluster
 from app.campaign.workers.local import MOST_TASKS, LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
@@ -34,6 +36,8 @@ from hardware.frozen import Frozen
 
 WINDOW: Final = 2
 """So many tasks for each core are handed out: one is played, one waits."""
+TELL_EVERY: Final = 30.0
+"""So often it is said that no worker answers yet [s, wall]; one that does takes a few seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +139,8 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
         indices = wish.shard.indices(wish.games)
         with Ledger(wish.folder / wish.shard.ledger) as ledger:
             elsewhere = _played_elsewhere(wish)
-            played_before = ledger.done | elsewhere.keys()
-            before = tuple(game for game in (*ledger.before, *elsewhere.values()) if game.index in indices)
+            played_once = {**elsewhere, **{game.index: game for game in ledger.before}}
+            before = tuple(game for game in played_once.values() if game.index in indices)
             for game in before:
                 tally.add(game)
             shown.begun(len(indices), before, workers.dashboard)
@@ -146,7 +150,7 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                 given = TaskOrder(task=task, environment=environment, engines=engines, keep=wish.keep, folder=folder)
                 return given.model_dump_json()
 
-            tasks = (draw(spec, index) for index in indices if index not in played_before)
+            tasks = (draw(spec, index) for index in indices if index not in played_once)
             tables, handed_out = GrowingTables(wish.folder, kept.spec), HandedOut()
             try:
                 for result in _results(tasks, workers, order, shown, environment, handed_out):
@@ -156,11 +160,13 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                         shown.finished(result.game)
                     tables.write_if_due()
             except BaseException:
-                workers.stop()
-                with suppress(UserError):  # a disk that is full is told by what has ended it
-                    for result in handed_out.finished():
-                        ledger.add(result)
-                    tables.write()
+                try:
+                    workers.stop()
+                finally:  # also where who interrupts does not wait for that
+                    with suppress(UserError):  # a disk that is full is told by what has ended it
+                        for result in handed_out.finished():
+                            ledger.add(result)
+                        tables.write()
                 raise
             tables.write()
     done = sum(tally.outcomes.values())
@@ -193,10 +199,13 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
         with open_cluster(wish.scheduler) as cluster:
 
             def ask(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
+                def tell() -> None:
+                    shown.waiting(_why_none(wish, cluster.cores()))
+
                 asked = cluster.executor.submit(environment_here, engines, files)
                 if not cluster.cores():
-                    shown.waiting(f"no worker is there yet: start some with 'dask worker {wish.scheduler}'")
-                return asked.result()
+                    tell()
+                return _answered(asked, cluster.deaths, tell)
 
             yield _Workers(
                 lambda order, idle: Scheduling(
@@ -211,13 +220,50 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
     try:
         yield _Workers(
             lambda order, idle: Scheduling(local, order, wish.play, lambda: WINDOW * number, (), wish.pause, idle),
-            lambda engines, files: local.submit(environment_here, engines, files).result(), None, local.stop,
+            lambda engines, files: _answered(local.submit(environment_here, engines, files)), None, local.stop,
         )  # fmt: skip
     except BaseException:
         local.stop()
         raise
     else:
         local.shutdown()
+
+
+def _why_none(wish: CampaignWish, cores: int) -> str:
+    """What to say while no worker of a cluster answers."""
+    start = f"start some with 'dask worker {wish.scheduler}' where this program is installed"
+    if cores:
+        return f"no worker answers yet: it is busy, or its environment lacks this program: wait, or {start}"
+    return f"no worker is there yet, or its environment lacks this program: {start}"
+
+
+def _answered(
+    asked: Future[CampaignEnvironment], deaths: tuple[type[BaseException], ...] = (),
+    tell: Callable[[], None] = lambda: None,
+) -> CampaignEnvironment:  # fmt: skip
+    """What the first worker says of itself.
+
+    Args:
+        asked: what it was asked.
+        deaths: as of ``Scheduling``.
+        tell: called now and then while it does not answer.
+
+    Raises:
+        UserError: it has not what it takes, it died, or there is no scheduler any more.
+    """
+    fatal: tuple[type[BaseException], ...] = (BrokenExecutor, *deaths)
+    while wait([asked], TELL_EVERY).not_done:
+        tell()
+    try:
+        return asked.result()
+    except CancelledError as error:
+        raise gone("it has let go of what it was asked") from error
+    except MachineTrouble as error:
+        raise no_room(str(error)) from error
+    except fatal as error:
+        raise CampaignStopped(
+            f"no worker can begin: {error}: find out in its log what ended it, and the same command goes on"
+        ) from error
 
 
 def require_games(kept: KeptCampaign, folder: Path, seed: int) -> int:

@@ -132,7 +132,7 @@ def _submit(state: HandedOut, task: CampaignTask, scheduling: Scheduling) -> Non
     try:
         future = scheduling.executor.submit(scheduling.play, scheduling.order(task))
     except RuntimeError as error:  # it has ended meanwhile
-        raise _gone(str(error)) from error
+        raise gone(str(error)) from error
     state.running[future] = task
 
 
@@ -145,7 +145,7 @@ def _taken(
     try:
         return TaskResult.model_validate_json(future.result())
     except CancelledError as error:
-        raise _gone("it has let go of what it was to play") from error
+        raise gone("it has let go of what it was to play") from error
     except EnvironmentDiffers as error:
         raise CampaignStopped(
             f"a worker is not as the others are: {error}: give all of them the same, and the same command goes on"
@@ -165,12 +165,18 @@ def _taken(
 def _trouble(state: HandedOut, task: CampaignTask, reason: str, scheduling: Scheduling) -> None:
     state.troubles[task.index] += 1
     if state.troubles[task.index] >= TROUBLES:
-        raise CampaignStopped(f"no game can be played: {reason}: mend that, and the same command goes on")
+        raise no_room(reason)
     state.not_before = time.monotonic() + scheduling.pause * state.troubles[task.index]
     state.again.append(task)
 
 
-def _gone(why: str) -> CampaignStopped:
+def no_room(reason: str) -> CampaignStopped:
+    """No machine carries a game."""
+    return CampaignStopped(f"no game can be played: {reason}: mend that, and the same command goes on")
+
+
+def gone(why: str) -> CampaignStopped:
+    """Nobody is there any more to hand tasks to."""
     return CampaignStopped(f"the scheduler is gone ({why}): start it again, and the same command goes on")
 
 

@@ -107,8 +107,9 @@ class GameRow(Frozen):
     """SHA-256 of the world's last state; null: it left none."""
     environment: str
     """Digest of sources, packages and engine that it was played with."""
-    host: str
-    cpu: str
+    host: str | None
+    """Machine and processor that played it; null: its worker died with it each time, and nobody knows where."""
+    cpu: str | None
     folder: str | None = None
     """Where its folder was kept, relative to the campaign's; null: it was not."""
     log: str | None = None

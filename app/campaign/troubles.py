@@ -6,9 +6,9 @@ import errno
 from typing import Final
 
 MACHINE: Final = frozenset({
-    errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS,
+    errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO, errno.EROFS,
 })  # fmt: skip
-"""Errors of a machine, not of a game."""
+"""Errors of a machine, not of a game; EAGAIN is what starting a process comes to beyond the limit of a container."""
 DEATHS: Final = 2
 """After so many a task is tried alone."""
 TROUBLES: Final = 3

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import chess
 
@@ -22,6 +22,8 @@ from app.records.report import summarise
 from app.records.rounds import rounds_of
 from controller.records.loop_statistics import STATISTICS_FILE
 from hardware.sim.process.settings import END_FILE
+
+_NOWHERE: Final = (None, None)
 
 
 @dataclass(slots=True)
@@ -87,12 +89,14 @@ def result_of(task: CampaignTask, folder: Path, story: TaskStory, environment: s
     return TaskResult(game=row, plies=tuple(one for each in events for one in _ply_rows(task, each, repairs)))
 
 
-def crashed(task: CampaignTask, reason: str, log: str, environment: str, **also: Any) -> TaskResult:
-    """Of a task that has left nothing else."""
-    host, cpu = host_and_cpu()
+def crashed(
+    task: CampaignTask, reason: str, log: str, environment: str, machine: tuple[str | None, str | None] = _NOWHERE
+) -> TaskResult:
+    """Of a task that has left nothing else; ``machine`` as of ``host_and_cpu``, by default one that nobody knows."""
+    host, cpu = machine
     return TaskResult(game=GameRow(
         index=task.index, seed=task.seed, kind=task.kind, outcome=TaskOutcome.CRASHED, reason=reason, log=log,
-        repeatable=task.repeatable, environment=environment, host=host, cpu=cpu, drawn=task.drawn, **also,
+        repeatable=task.repeatable, environment=environment, host=host, cpu=cpu, drawn=task.drawn,
     ))  # fmt: skip
 
 

@@ -12,9 +12,11 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
+
+from app.campaign.troubles import MachineTrouble
 
 PREFIX: Final = "touchmove-game-"
 _OWNER: Final = ".owner"
@@ -22,17 +24,29 @@ _OWNER: Final = ".owner"
 
 @contextmanager
 def scratch_folder(seed: int) -> Iterator[Path]:
-    """A folder for a game; gone afterwards, with whatever still runs in it."""
+    """A folder for a game; gone afterwards, with whatever still runs in it.
+
+    Raises:
+        MachineTrouble: there is no room for one.
+    """
+    with ExitStack() as stack:
+        try:
+            folder = _owned(seed, stack)
+        except OSError as error:
+            raise MachineTrouble(f"no folder for a game can be made ({error.strerror})") from error
+        yield folder
+
+
+def _owned(seed: int, stack: ExitStack) -> Path:
+    """A new folder of this process, which the end of the stack clears away."""
     clear_left_behind()
     folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{seed}-"))
-    try:
-        new = folder / f"{_OWNER}.new"
-        with new.open("wb") as owner:
-            fcntl.flock(owner, fcntl.LOCK_EX)
-            new.rename(folder / _OWNER)  # whoever finds it finds it locked
-            yield folder
-    finally:
-        _clear(folder)
+    stack.callback(_clear, folder)
+    new = folder / f"{_OWNER}.new"
+    owner = stack.enter_context(new.open("wb"))
+    fcntl.flock(owner, fcntl.LOCK_EX)
+    new.rename(folder / _OWNER)  # whoever finds it finds it locked
+    return folder
 
 
 def clear_left_behind() -> None:

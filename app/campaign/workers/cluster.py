@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -13,6 +14,9 @@ from app import UserError
 
 CONNECT: Final = 10.0
 """For a scheduler to answer [s, wall]."""
+_ADDRESS: Final = re.compile(r"(?:(?P<protocol>tcp|tls|ws|wss)://)?[^\s/]+:(?P<port>\d{1,5})/?")
+_SECURE: Final = ("tls", "wss")
+_CERTIFICATES: Final = ("distributed.comm.tls.ca-file", "distributed.comm.tls.client.cert")
 
 
 class ClusterProblem(UserError):
@@ -41,7 +45,7 @@ def open_cluster(address: str) -> Iterator[Cluster]:
     """Connect to a scheduler; what is under way there is let go of at the end.
 
     Raises:
-        ClusterProblem: nobody answers there, or Dask is not installed.
+        ClusterProblem: nobody answers there, it is no address that can be used, or Dask is not installed.
     """
     try:
         from dask import config
@@ -51,13 +55,14 @@ def open_cluster(address: str) -> Iterator[Cluster]:
         raise ClusterProblem(
             f"--scheduler takes Dask, and {error.name} is missing: 'pip install touchmove[campaign]'"
         ) from error
+    _require_address(address, all(config.get(name, None) for name in _CERTIFICATES))
     for name in ("distributed.client", "distributed.core", "distributed.comm", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # that a scheduler is lost is said in a sentence
     try:
         with config.set({"distributed.comm.timeouts.connect": CONNECT}):
             opened: Any = Client
             client = opened(address, timeout=CONNECT, set_as_default=False, name="touchmove-campaign")
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise ClusterProblem(f"no Dask scheduler answers at {address}: start it, or name another address") from error
     executor = client.get_executor(pure=False)
     try:
@@ -68,3 +73,19 @@ def open_cluster(address: str) -> Iterator[Cluster]:
     finally:
         executor.shutdown(wait=False)
         client.close(timeout=CONNECT)
+
+
+def _require_address(address: str, certified: bool) -> None:
+    """Make sure that Dask can use an address: a client that it could not make ends in a traceback, and late.
+
+    Raises:
+        ClusterProblem: it is none, or takes certificates that Dask's configuration does not name.
+    """
+    found = _ADDRESS.fullmatch(address)
+    if found is None or not 0 < int(found["port"]) <= 65535:
+        raise ClusterProblem(f"--scheduler is '{address}', which is no address: name one such as tcp://host:8786")
+    if found["protocol"] in _SECURE and not certified:
+        raise ClusterProblem(
+            f"--scheduler is '{address}', and Dask's configuration names no certificates: set "
+            f"{' and '.join(_CERTIFICATES)} there, or name an address such as tcp://host:8786"
+        )

@@ -19,6 +19,7 @@ from multiprocessing.context import SpawnProcess
 from types import FrameType
 from typing import Any, Final, ParamSpec, TypeVar
 
+from app.campaign.troubles import MachineTrouble
 from app.campaign.workers.threads import ONE_THREAD
 
 P = ParamSpec("P")
@@ -138,6 +139,7 @@ class _Slot:
 
         Raises:
             EOFError: the process died.
+            MachineTrouble: none can be started now.
         """
         if self._link is None:
             self._start()
@@ -147,17 +149,24 @@ class _Slot:
         return answer
 
     def _start(self) -> None:
-        self._link, theirs = _SPAWN.Pipe()
-        self.process = _SPAWN.Process(target=_work, args=(theirs,), name="campaign worker", daemon=True)
-        self.process.start()
-        theirs.close()
+        theirs: Connection | None = None
+        try:
+            self._link, theirs = _SPAWN.Pipe()
+            process = _SPAWN.Process(target=_work, args=(theirs,), name="campaign worker", daemon=True)
+            process.start()
+        except OSError as error:  # no more open files, processes or memory
+            self._forget()
+            raise MachineTrouble(f"a worker cannot be started ({error.strerror})") from error
+        finally:
+            if theirs is not None:
+                theirs.close()
+        self.process = process  # only now: what has not started cannot be waited for
 
     def bury(self) -> str:
         """What became of a process that died."""
         process = self.process
         self._forget()
-        if process is None:
-            return "the worker could not be started"
+        assert process is not None, "only a started process can die"
         process.join()
         code = process.exitcode or 0
         how = f"was killed ({signal.Signals(-code).name})" if code < 0 else f"ended with status {code}"

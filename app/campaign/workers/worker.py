@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from app import UserError
-from app.campaign.environment import environment_here
+from app.campaign.environment import environment_here, host_and_cpu
 from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskResult
 from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
@@ -90,13 +90,13 @@ def _played(order: TaskOrder, folder: Path) -> TaskResult:
         story = play(task, folder, order.film)
     except KilledWithLog as error:
         _require_machine(folder, error)
-        result = crashed(task, "the game's program ended with an error", str(error), digest)
+        result = crashed(task, "the game's program ended with an error", str(error), digest, host_and_cpu())
     except GameDied as error:
         _require_machine(folder, error)
         raise GameDied(f"{error}; {_last_words(folder)}") from error
     except Exception as error:
         _require_machine(folder, error)
-        result = crashed(task, f"{type(error).__name__}: {error}", traceback.format_exc(), digest)
+        result = crashed(task, f"{type(error).__name__}: {error}", traceback.format_exc(), digest, host_and_cpu())
     else:
         _require_machine(folder, None)
         _require_alive(folder, story)

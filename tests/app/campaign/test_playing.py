@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import shutil
 import socket
@@ -19,10 +20,10 @@ import pytest
 from typer.testing import CliRunner
 
 from app.campaign.drawing import draw
-from app.campaign.environment import environment_here
+from app.campaign.environment import environment_here, host_and_cpu
 from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.ledger import WHOLE, results_in
-from app.campaign.schema import GAMES_FOLDER
+from app.campaign.schema import GAMES_FOLDER, TaskOutcome
 from app.campaign.spec import CampaignSpec
 from app.campaign.task import SessionPlan
 from app.campaign.tasks.relay import LossyRelay
@@ -137,6 +138,45 @@ def test_a_game_that_cannot_be_kept_is_the_machines_trouble_and_leaves_nothing(
             worker._keep(order, tmp_path / "played", game)
     assert not list((tmp_path / GAMES_FOLDER).iterdir())
     assert worker._keep(order, tmp_path / "played", game).folder == f"{GAMES_FOLDER}/{game.seed}"
+
+
+def test_a_game_whose_processes_cannot_be_started_is_the_machines_trouble(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_more(*_: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    task = draw(CampaignSpec(draw={"start.line": True}), 0)
+    order = TaskOrder(task=task, environment=environment_here((), ()), engines=())
+    monkeypatch.setattr(worker, "play_here", no_more)
+    with pytest.raises(MachineTrouble, match="Resource temporarily unavailable"):
+        worker._played(order, tmp_path)
+
+
+def test_a_crash_is_of_the_machine_that_has_played_the_game(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def bug(*_: object) -> None:
+        raise LookupError
+
+    task = draw(CampaignSpec(draw={"start.line": True}), 0)
+    monkeypatch.setattr(worker, "play_here", bug)
+    game = worker._played(TaskOrder(task=task, environment=environment_here((), ()), engines=()), tmp_path).game
+    assert (game.outcome, (game.host, game.cpu)) == (TaskOutcome.CRASHED, host_and_cpu())
+
+
+def test_where_there_is_no_room_for_a_games_folder_it_is_played_later(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+    for module, name in ((fcntl, "flock"), (tempfile, "mkdtemp"), (tempfile, "gettempdir")):
+        monkeypatch.setattr(module, name, full)
+        with (
+            pytest.raises(MachineTrouble, match=r"no folder for a game can be made \(No usable temporary directory"),
+            scratch_folder(1),
+        ):
+            pass
+        assert not list(scratch.iterdir())
 
 
 @pytest.mark.usefixtures("scratch")

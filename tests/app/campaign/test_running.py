@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor, Future
 from functools import partial
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
@@ -18,11 +21,11 @@ from typer.testing import CliRunner
 
 from app import UserError
 from app.campaign.drawing import draw
-from app.campaign.environment import environment_here
+from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import CampaignFolderError, kept_campaign
 from app.campaign.ledger import WHOLE, Shard, results_in
 from app.campaign.repeating import Repetition
-from app.campaign.running import CampaignSummary, CampaignWish, run_campaign
+from app.campaign.running import CampaignSummary, CampaignWish, _answered, run_campaign
 from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, results_of
 from app.campaign.schema import GameRow, TaskOutcome, TaskResult
 from app.campaign.spec import CampaignSpec
@@ -35,7 +38,7 @@ from app.campaign.workers.stub import StubPlan, play_stub
 from app.cli.commands import app as command_line
 from app.measure.bench.campaign import SPEC, Unwatched
 from app.records import RecordError
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
 GAMES = 12
 QUIET = StubPlan()
@@ -82,6 +85,7 @@ def test_who_kills_its_worker_each_time_has_crashed_and_all_others_are_played(
     found = rows(tmp_path / "campaign")
     (crash,) = summary.failed
     assert (crash.seed, crash.outcome, crash.attempts) == (5, TaskOutcome.CRASHED, 3)
+    assert (crash.host, crash.cpu) == (None, None), "this machine has handed it out, and played nothing"
     assert crash.log is not None
     assert crash.log.count("was killed (SIGKILL)") == 3
     assert {index: one for index, one in found.items() if index != 4} == {
@@ -120,6 +124,18 @@ def test_an_interrupted_campaign_goes_on_by_the_same_call(tmp_path: Path, undist
     assert rows(folder) == undisturbed
 
 
+def test_a_second_interruption_does_not_lose_what_was_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(workers: LocalWorkers) -> None:
+        workers.shutdown()  # what was handed out is played by then
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LocalWorkers, "stop", stop)
+    folder = tmp_path / "campaign"
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(SPEC, CampaignWish(GAMES, folder, workers=1, play=partial(play_stub, QUIET)), Fewer(1))
+    assert len(rows(folder)) == 2, "the one that was shown, and the one that waited behind it"
+
+
 def test_a_part_without_games_is_said_to_be_empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     none = CampaignSummary(folder=tmp_path, games=0, done=0, outcomes={}, failed=(), wall_s=0.0, played=0)
     monkeypatch.setattr("app.campaign.running.run_campaign", lambda *_: none)
@@ -150,6 +166,14 @@ def test_shards_come_to_the_same_rows_as_the_whole(tmp_path: Path, undisturbed: 
     assert halves[0] | halves[1] == undisturbed
     whole = run(tmp_path / "campaign")
     assert (whole.played, whole.done, whole.holds) == (0, GAMES, True), "cut otherwise, nothing is played again"
+
+
+def test_what_two_parts_have_played_counts_once(tmp_path: Path) -> None:
+    folder = tmp_path / "campaign"
+    run(folder)
+    shutil.copy(folder / WHOLE.ledger, folder / Shard((1, 2)).ledger)
+    again = run(folder)
+    assert (again.done, again.outcomes, again.holds) == (GAMES, {TaskOutcome.RIGHT: GAMES}, True)
 
 
 def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
@@ -325,3 +349,66 @@ def test_a_worker_makes_room_for_another_one_after_some_tasks() -> None:
     assert pids[0] == pids[1] != pids[2] == pids[3] != pids[4]
     with pytest.raises(RuntimeError, match="nothing more can be submitted"):
         workers.submit(os.getpid)
+
+
+def failing_starts(monkeypatch: pytest.MonkeyPatch, starts: set[int]) -> None:
+    """Processes of workers that cannot be started: which of them, from 1."""
+    real, begun = SpawnProcess.start, list[SpawnProcess]()
+
+    def start(process: SpawnProcess) -> None:
+        begun.append(process)
+        if len(begun) in starts:
+            raise OSError(errno.EMFILE, "Too many open files")
+        real(process)
+
+    monkeypatch.setattr(SpawnProcess, "start", start)
+
+
+def test_a_worker_that_cannot_be_started_is_the_machines_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
+    failing_starts(monkeypatch, {1, 3})
+    workers = LocalWorkers(1, most_tasks=1)
+    with pytest.raises(MachineTrouble, match=r"a worker cannot be started \(Too many open files\)"):
+        workers.submit(abs, -1).result(PATIENCE)
+    assert workers.submit(abs, -2).result(PATIENCE) == 2
+    with pytest.raises(MachineTrouble):
+        workers.submit(abs, -3).result(PATIENCE)
+    workers.stop()
+
+
+def test_tasks_of_workers_that_could_not_be_started_are_played_later(
+    tmp_path: Path, undisturbed: dict[int, TaskResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing_starts(monkeypatch, {2, 3})
+    assert run(tmp_path / "campaign", most_tasks=5).holds
+    assert rows(tmp_path / "campaign") == undisturbed
+
+
+def test_where_no_worker_can_begin_the_campaign_ends_with_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing_starts(monkeypatch, {1})
+    with pytest.raises(CampaignStopped, match=r"no game can be played: a worker cannot be started \(Too many open fil"):
+        run(tmp_path / "campaign")
+    dead = Future[CampaignEnvironment]()
+    dead.set_exception(WorkerDied("the worker of process 3 ended with status 1"))
+    with pytest.raises(CampaignStopped, match="no worker can begin: the worker of process 3 ended with status 1: find"):
+        _answered(dead)
+    dead = Future[CampaignEnvironment]()
+    dead.set_exception(ArithmeticError("several workers died of it"))
+    with pytest.raises(CampaignStopped, match="no worker can begin: several workers died of it"):
+        _answered(dead, (ArithmeticError,))
+
+
+def test_while_no_worker_answers_it_is_said_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.campaign.running.TELL_EVERY", 0.0)
+    asked, told = Future[CampaignEnvironment](), list[int]()
+
+    def tell() -> None:
+        told.append(len(told))
+        if len(told) == 3:
+            asked.cancel()
+            asked.set_running_or_notify_cancel()  # as Dask's executor does
+
+    with pytest.raises(CampaignStopped, match="the scheduler is gone"):
+        _answered(asked, tell=tell)
+    assert told == [0, 1, 2]
