@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import combinations
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
@@ -20,18 +21,28 @@ from app.campaign.schema import DrawnValue, TaskKind
 from app.campaign.spec import CampaignSpec, ChoiceRange, DrawRange, fields, is_whole
 from app.campaign.task import CampaignFaults, CampaignStart, CampaignTask, SessionPlan
 from app.campaign.tasks.acts import Act
-from app.play.game_setup import rig_setup_of
+from app.pieces.inventory import Inventory
+from app.pieces.layout import start_layout
+from app.pieces.position import set_up
+from app.play.game_setup import rig_setup_of, start_board
+from app.play.player_selection import start_clock
+from app.players.given_line import given_line
 from app.settings.defaults import PlayerKind, Settings
+from app.settings.time_control import TimeControl
 from app.settings.toml import sentence_of
 from hardware.interfaces import Pace
 from hardware.piece_set import Colour
 from hardware.sim.process.randomisation import Randomisation
+from hardware.table import TableSettings
 
 _M = TypeVar("_M", bound=BaseModel)
+_T = TypeVar("_T")
 
 LINGER: Final = 60.0
 """So long a world waits for its program, as on a machine with much to do [s, wall]; where that was killed for good,
 whoever comes next ends the world (``scratch``)."""
+MOST_PAIRS: Final = 1000
+"""So many pairs of values are tried, some seconds of them; what is missed of more ends a campaign with a sentence."""
 NOT_USED: Final = MappingProxyType({
     TaskKind.GAME: ("session.",),
     TaskKind.SESSION: ("faults.kills", "faults.knocks", "faults.hands", "start.line", "game.moves"),
@@ -71,6 +82,11 @@ def check_ranges(spec: CampaignSpec) -> None:
     for name, values in ends.items():
         for value in values[1:]:
             _try(spec, {**first, name: value})
+    pairs = [
+        {one: a, other: b} for one, other in combinations(ends, 2) for a in ends[one][1:] for b in ends[other][1:]
+    ]  # fmt: skip
+    for pair in pairs[:: 1 + len(pairs) // MOST_PAIRS]:
+        _try(spec, {**first, **pair})
     draw(spec, 0)
 
 
@@ -88,11 +104,51 @@ def _ends(name: str, one: DrawRange) -> tuple[Any, ...]:
 
 
 def _try(spec: CampaignSpec, drawn: Mapping[str, Any]) -> None:
-    task = _task(spec, 0, drawn)
+    settings = _task(spec, 0, drawn).settings
+    table = _possible(lambda: rig_setup_of(settings.rig), {"--": "rig."}).table
+    _require_position(settings, table)
+    for name, time in (
+        ("clock.time", settings.clock.time), ("white.time", settings.white.time), ("black.time", settings.black.time),
+    ):  # fmt: skip
+        if time is not None:
+            _possible(partial(TimeControl.parse, time), before=f"{name}: ")
+    _possible(lambda: start_clock(settings), {"--clock": "clock.time"})
+
+
+def _require_position(settings: Settings, table: TableSettings) -> None:
+    """Make sure that what is played begins from a position that the set can show, with moves that are legal there."""
+    game = settings.game
+    board = _possible(lambda: start_board(game.fen, chess960=game.chess960, option="game.fen"))
+    _possible(lambda: start_layout(board, table), before="game.fen: ")
+    if game.standing is not None:
+        fen = game.standing
+        standing = _possible(lambda: start_board(fen, option="game.standing"))
+        stands = Inventory.of(_possible(lambda: start_layout(standing, table), before="game.standing: "), table)
+        if game.fen is not None:
+            _possible(lambda: set_up(stands, board), before="game.fen: ")
+    if game.moves is not None:
+        line = game.moves
+        _possible(lambda: given_line(line, board), {"--moves is": "it is"}, "game.moves: ")
+
+
+def _possible(done: Callable[[], _T], names: Mapping[str, str] = MappingProxyType({}), before: str = "") -> _T:
+    """What the product makes of values; what it refuses is said by their names in the file.
+
+    Args:
+        done: makes it.
+        names: what its sentence calls them, and what they are called here.
+        before: what its sentence begins with.
+
+    Raises:
+        ValueError: it refuses them.
+    """
     try:
-        rig_setup_of(task.settings.rig)
+        return done()
     except UserError as error:
-        raise ValueError(str(error).replace("--", "rig.", 1)) from error
+        said = str(error)
+        for option, name in names.items():
+            said = said.replace(option, name, 1)
+        raise ValueError(before + said) from error
 
 
 def _value(name: str, one: DrawRange, seed: int) -> Any:

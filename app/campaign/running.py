@@ -22,7 +22,7 @@ from app.campaign.ledger import WHOLE, Ledger, Shard, ledgers_in, results_in
 from app.campaign.named_files import engines_of, files_of
 from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, gone, no_room, results_of
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskOutcome, TaskResult
-from app.campaign.spec import CampaignSpec
+from app.campaign.spec import LAST_SEED, CampaignSpec
 from app.campaign.tables import GrowingTables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
@@ -129,6 +129,11 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
             what was played is in the ledger, and the same call goes on.
         KeyboardInterrupt: it was interrupted; likewise.
     """
+    if spec.first_seed + wish.games > LAST_SEED:
+        raise CampaignStopped(
+            f"{wish.games} games from first_seed = {spec.first_seed} on lead beyond {LAST_SEED}, up to which seeds can "
+            "be told apart: choose a smaller first_seed, or fewer --games"
+        )
     since, tally, played = time.monotonic(), _Tally(), 0
     with _workers(wish, shown) as workers:
         engines = engines_of(spec)
@@ -150,7 +155,7 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                 given = TaskOrder(task=task, environment=environment, engines=engines, keep=wish.keep, folder=folder)
                 return given.model_dump_json()
 
-            tasks = (draw(spec, index) for index in indices if index not in played_once)
+            tasks = (_drawn(spec, index) for index in indices if index not in played_once)
             tables, handed_out = GrowingTables(wish.folder, kept.spec), HandedOut()
             try:
                 for result in _results(tasks, workers, order, shown, environment, handed_out):
@@ -174,6 +179,21 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
         folder=wish.folder, games=len(indices), done=done, outcomes=dict(tally.outcomes), failed=tuple(tally.failed),
         wall_s=time.monotonic() - since, played=played,
     )  # fmt: skip
+
+
+def _drawn(spec: CampaignSpec, index: int) -> CampaignTask:
+    """See ``draw``.
+
+    Raises:
+        CampaignStopped: what is drawn does not go together.
+    """
+    try:
+        return draw(spec, index)
+    except ValueError as error:
+        raise CampaignStopped(
+            f"what is drawn for seed {spec.first_seed + index} cannot be played: {error}; mend the campaign's file, "
+            "and begin it anew in another folder with --out"
+        ) from error
 
 
 def _results(

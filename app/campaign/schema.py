@@ -95,6 +95,7 @@ class GameRow(Frozen):
     wrong_plies: NonNegativeInt = 0
     """Plies and tasks that the referee found otherwise than recorded."""
     placement_mean_mm: float | None = None
+    """Of all pieces that plies of the arm moved; a hand's are left out: they say nothing of the robot."""
     placement_max_mm: float | None = None
     peak_torque_Nm: float | None = None  # noqa: N815  # the column, with its unit
     peak_force_N: float | None = None  # noqa: N815  # the column, with its unit

@@ -26,6 +26,8 @@ from hardware.frozen import FrozenFinite
 from hardware.sim.process.randomisation import Randomisation
 
 Plain = bool | int | float | str
+LAST_SEED: Final = 2**53
+"""Beyond it a table's numbers take several seeds for one."""
 _NO_REPLAY: Final = "no campaign replays or asks a person; say game.moves or game.standing"
 RESERVED: Final = MappingProxyType({
     "out": "say --out on the command line", "game.games": "say --games on the command line",

@@ -36,8 +36,9 @@ class CampaignFaults(FrozenFinite):
 class CampaignStart(FrozenFinite):
     """``start``: what a game begins from, and who chooses its moves."""
 
-    plies: Annotated[int, Field(ge=0, le=400)] = 0
-    """So many random plies were played before."""
+    plies: Annotated[int, Field(ge=0, le=400)] | None = None
+    """So many random plies were played before, of an odd number one more, so that White begins; None: in a session as
+    the seed decides, else none."""
     line: bool = False
     """A random line that captures, castles and promotes often is played, from the usual position, by no engine."""
 

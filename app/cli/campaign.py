@@ -37,7 +37,7 @@ campaign = typer.Typer(
 @campaign.command(_RUN)
 def run(
     file: Annotated[Path, typer.Argument(help="TOML file of the campaign; docs/campaign.md says what is in it.")],
-    games: Annotated[int, typer.Option(min=1, help="Games in all; a larger number later goes on.")],
+    games: Annotated[int, typer.Option(min=1, max=2**53, help="Games in all; a larger number later goes on.")],
     output: Annotated[
         Path | None,
         options.output("Folder of the campaign; campaigns/<name of the file> by default.", "--out"),

@@ -27,7 +27,7 @@ def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
 
 
 def random_position(seed: int, plies: int | None = None) -> chess.Board:
-    """White to move, and not in check; after so many random plies, or one more; None: the seed decides."""
+    """White to move, and not in check; after so many random plies, if odd one more; None: the seed decides."""
     rng = np.random.default_rng([seed, 5])
     while True:
         board, game = chess.Board(), int(rng.integers(1 << 31))

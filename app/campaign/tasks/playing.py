@@ -104,7 +104,7 @@ def _beginning(task: CampaignTask) -> dict[str, Any]:
             "game.fen": given.fen or random_position(2 * seed + 1).fen(),
         }
     if task.kind is TaskKind.SESSION and task.settings.game.fen is None:
-        return {"game.fen": random_position(seed, start.plies or None).fen()}
+        return {"game.fen": random_position(seed, start.plies).fen()}
     if start.line:
         return {"game.moves": " ".join(move.uci() for move in random_game(seed, plies))}
     return {"game.fen": random_position(seed, start.plies).fen()} if start.plies else {}

@@ -122,7 +122,8 @@ def _lasted(events: Sequence[Sequence[AnyEvent]]) -> float | None:
 
 def _figures(events: Sequence[Sequence[AnyEvent]]) -> dict[str, Any]:
     reports = [summarise(one) for one in events]
-    errors = [value for one in events for ply in counted_plies(one) for value in (ply.placement_mm or {}).values()]
+    arms = [ply for one in events for ply in counted_plies(one) if ply.by == "arm"]  # a hand's say nothing of the robot
+    errors = [value for ply in arms for value in (ply.placement_mm or {}).values()]
     return {
         "placement_mean_mm": sum(errors) / len(errors) if errors else None,
         "placement_max_mm": max(errors, default=None),

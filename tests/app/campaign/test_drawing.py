@@ -15,6 +15,8 @@ from app.settings.toml import ConfigError
 from hardware.piece_set import Colour
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "docs" / "examples").glob("campaign*.toml"))
+KINGS = "8/8/8/4k3/8/8/4K3/8 w - - 0 1"
+QUEENS = "4k3/8/8/8/8/8/QQQQQ3/4K3 b - - 0 1"
 _RANGE_KEYS = "a range has from and to, and perhaps log; or one_of alone"
 RANGES = {
     "engine.nodes": {"from": 10, "to": 1000, "log": True},
@@ -117,6 +119,28 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (f"game.standing = '{QUEENS}'", "game.standing: the position has 5 white queens"),
+        ("game.standing = 'xx'", "game.standing is not a position (expected 8 rows"),
+    ],
+)
+def test_positions_of_settings_up_are_tried_too(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_spec(written(tmp_path, f'kind = "setup"\n[draw]\n{text}\n'))
+    assert str(caught.value).partition("campaign.toml: ")[2].startswith(said)
+
+
+def test_of_many_pairs_some_are_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = list[object]()
+    monkeypatch.setattr("app.campaign.drawing._try", lambda _spec, drawn: tried.append(tuple(drawn.values())))
+    several = "{one_of = [" + ", ".join(map(str, range(1, 101))) + "]}"
+    load_spec(written(tmp_path, f"[draw]\nengine.nodes = {several}\ngame.plies = {several}\n"))
+    assert len(set(tried)) == len(tried)
+    assert 1 + 2 * 99 + 900 < len(tried) <= 1 + 2 * 99 + 1000
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
         ("engine.name = 3", "there is nothing called engine.name to draw: did you mean engine.nodes?"),
         ("engine.nodes = {one_of = []}", "engine.nodes: one_of is empty: name at least one value"),
         ("engine.nodes = {from = 1, too = 10}", f"engine.nodes: {_RANGE_KEYS}; there is from, too"),
@@ -147,6 +171,22 @@ def test_a_file_that_cannot_be_played_is_refused_in_one_sentence(tmp_path: Path,
         (
             "randomisation.friction = {from = -0.2, to = 0.2}",
             "randomisation.friction: it should be at least 0, not -0.2",
+        ),
+        ("game.fen = 'xx'", "game.fen is not a position (expected 8 rows"),
+        (
+            f"game.fen = {{one_of = ['{KINGS}', '{KINGS[:-9]} b - - 0 1', '8/8/8/8/8/8/8/8 w - - 0 1']}}",
+            "game.fen is not a legal po",
+        ),
+        (f"game.fen = '{QUEENS}'", "game.fen: the position has 5 white queens"),
+        ("game.moves = 'e4 e9'", 'game.moves: ply 2 of the line, "e9", is neither SAN nor UCI'),
+        (f"game.moves = 'e4'\ngame.fen = '{KINGS}'", 'game.moves: ply 1 of the line, "e4", is not legal'),
+        ("game.moves = ' '", "game.moves: it is ' ': give at least one move, such as e4, or leave it out"),
+        ("clock.time = 'foo'", "clock.time: 'foo' is not a time control: write minutes"),
+        ("black.time = {one_of = ['5+3', 'x']}\nwhite.time = '5'", "black.time: 'x' is not a time control"),
+        ("white.time = '5+3'", "only one side has a time control: give both, or clock.time for both"),
+        (
+            "start.plies = {from = 0, to = 20}\nstart.line = {one_of = [false, true]}",
+            "start.plies and start.line exclude each other: leave one of them out",
         ),
         ("rig.seed = 3", "rig.seed is the campaign's own: say first_seed"),
         ("out = 'there'", "out is the campaign's own: say --out on the command line"),

@@ -25,7 +25,9 @@ from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.ledger import WHOLE, results_in
 from app.campaign.schema import GAMES_FOLDER, TaskOutcome
 from app.campaign.spec import CampaignSpec
-from app.campaign.task import SessionPlan
+from app.campaign.task import CampaignTask, SessionPlan
+from app.campaign.tasks.lines import random_position
+from app.campaign.tasks.playing import prepared
 from app.campaign.tasks.relay import LossyRelay
 from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
@@ -97,11 +99,38 @@ def test_a_ply_that_was_not_done_in_one_go_has_no_times_in_the_rows(tmp_path: Pa
     assert [(row.planned_s is None, row.real_s is None) for row in rows] == [(False,) * 2, (True,) * 2, (False,) * 2]
 
 
+def test_placements_of_a_hand_say_nothing_of_the_robot(tmp_path: Path) -> None:
+    at = {1: {"by": "hand", "placement_mm": {"white-pawn-e": 4.0}}, 2: {"placement_mm": {"black-pawn-e": 0.5}}}
+    PlayedGame(tmp_path).play("e4 e5", lambda number: at[number])
+    game = result_of(draw(CampaignSpec(draw={"start.line": True}), 0), tmp_path, TaskStory(), "e").game
+    assert (game.placement_mean_mm, game.placement_max_mm) == (0.5, 0.5)
+
+
+def test_random_plies_before_a_game_are_as_many_as_were_asked_for() -> None:
+    def begins(kind: str, **start: int) -> chess.Board | None:
+        given = {f"start.{name}": value for name, value in start.items()}
+        task = draw(CampaignSpec.model_validate({"kind": kind, "draw": {"engine.nodes": 3, **given}}), 0)
+        task = CampaignTask.model_validate_json(task.model_dump_json())
+        with prepared(task, Path("nowhere"), film=False) as (settings, _):
+            return None if settings.game.fen is None else chess.Board(settings.game.fen)
+
+    begun, usual = begins("session", plies=0), chess.Board()
+    assert begun == usual, "not as the seed decides"
+    assert begins("session") == random_position(1) != usual
+    for kind in ("session", "game"):
+        for asked, played in ((4, 4), (7, 8)):
+            board = begins(kind, plies=asked)
+            assert board is not None
+            assert board.ply() == played, "White begins"
+    assert begins("game", plies=0) is begins("game") is None
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["no.toml", "--games", "2"], "campaign 'no.toml' cannot be read"),
         (["no.toml"], "Missing option '--games'"),
+        (["no.toml", "--games", "1" + 19 * "0"], "it should be at most 9007199254740992"),
         (["no.toml", "--games", "2", "--shard", "3/2"], "--shard is '3/2'"),
         (["no.toml", "--games", "2", "--keep", "some"], "'--keep some' is unknown, choose from: all, failed, none"),
         (["no.toml", "--games", "2", "--workers", "1", "--scheduler", "tcp://h:1"], "leave one of them out"),

@@ -197,6 +197,23 @@ def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
         run(strange, games=1, workers=1)
 
 
+@pytest.mark.parametrize(
+    ("first_seed", "games", "said"),
+    [
+        (1, 10, "what is drawn for seed 1 cannot be played: start.plies and start.line exclude each other"),
+        (2**53 - 5, 6, "6 games from first_seed = 9007199254740987 on lead beyond 9007199254740992, up to which seeds"),
+    ],
+)
+def test_a_campaign_that_cannot_be_drawn_to_its_end_says_so(
+    tmp_path: Path, first_seed: int, games: int, said: str
+) -> None:
+    ranges = {"start.plies": {"one_of": [0, 4]}, "start.line": True}
+    spec = CampaignSpec.model_validate({"first_seed": first_seed, "draw": ranges})
+    wish = CampaignWish(games, tmp_path / "campaign", workers=1, play=partial(play_stub, QUIET))
+    with pytest.raises(CampaignStopped, match=said):
+        run_campaign(spec, wish, Unwatched())
+
+
 def test_an_engine_that_no_worker_has_ends_it_before_a_game_is_played(tmp_path: Path) -> None:
     spec = CampaignSpec.model_validate({"draw": {"engine.nodes": 3, "white.path": str(tmp_path / "none")}})
     wish = CampaignWish(1, tmp_path / "campaign", workers=1, play=partial(play_stub, QUIET))
