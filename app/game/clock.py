@@ -43,7 +43,9 @@ class ClockMove(FrozenFinite):
     before: float
     """Left when the move began."""
     thought: NonNegativeFloat
-    """From the start of the clock to the decision, pauses left out; for a person, to the end of the move."""
+    """From the start of the clock to the decision, less pauses and what was given back; for a person, to the end of the
+    move.
+    """
     arm: NonNegativeFloat
     """The arm's motion that was paid for."""
     after: float
@@ -145,10 +147,16 @@ class ChessClock(FrozenFinite):
             raise ClockError(f"the arm cannot have moved: {self._doing()}; decide first")
         return self.at(now)._made()
 
-    def give_back(self, colour: chess.Color, seconds: float) -> Self:
-        """Add time to a side, such as what a fault of the machine has taken from it [s]."""
-        name = "white_left" if colour else "black_left"
-        return self.model_copy(update={name: getattr(self, name) + seconds})
+    def give_back(self, seconds: float, now: float) -> Self:
+        """So much of the move under way was no thought, as a fault of the machine took it; at most all of it [s].
+
+        Raises:
+            ClockError: no move is under way.
+        """
+        self._under_way("be given time back")
+        clock = self.at(now)
+        # not added to what is left: it would count as thought for a delay and Bronstein's, and outlive a take-back
+        return clock.model_copy(update={"used": max(0.0, clock.used - seconds)})
 
     def take_back(self, plies: int = 1) -> Self:
         """Undo the last moves, and the one under way: both sides have what they had before; nothing runs.

@@ -131,6 +131,7 @@ class Game:
         """The player to move is asked, and the arm does it."""
         board, colour = self._table.board, self._table.board.turn
         decision = self._choose()
+        self._timing.give_back(decision.lost)  # before anybody asks whether it has run out
         if self._remote is not None:
             return self._answer(self._remote, decision)
         if (fallen := self._timing.fallen(board)) is not None:
@@ -163,7 +164,7 @@ class Game:
     def _make(self, decision: Decision, move: chess.Move) -> GameEnd | None:
         """The arm makes the move of a player."""
         colour, number = self._table.board.turn, len(self._table.board.move_stack)
-        self._timing.decided(colour, decision.lost)
+        self._timing.decided()
 
         def clocks() -> dict[chess.Color, float] | None:
             self._timing.arm_clear()
@@ -192,7 +193,7 @@ class Game:
                 decision = self._players.choose(board, self._timing.limit(board.turn))
                 break
             except EngineProblem as problem:
-                self._timing.forget(board.turn)
+                self._timing.forget()
                 self._ui.device("engine", False, f"{name}: {problem}")
                 if self._human is None:
                     raise

@@ -6,6 +6,7 @@ however quick or slow the machine simulates it.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -84,10 +85,15 @@ class Timing:
         """What an engine that is to move is told."""
         return None if self._clock is None else self._clock.limit(colour, self.now(), self._motion)
 
-    def decided(self, colour: chess.Color, lost: float = 0.0) -> None:
-        """The robot knows its move; what failures of its engine have taken, it gets back [s]."""
+    def give_back(self, lost: float) -> None:
+        """What failures of its engine have taken of the move under way, the side gets back [s]."""
+        if self._clock is not None and lost:
+            self._clock = self._clock.give_back(lost, self.now())
+
+    def decided(self) -> None:
+        """The robot knows its move."""
         if self._clock is not None:
-            self._clock = self._clock.give_back(colour, lost).decided(self.now())
+            self._clock = self._clock.decided(self.now())
 
     def arm_clear(self) -> None:
         """The robot's move stands on the board."""
@@ -104,10 +110,11 @@ class Timing:
         if self._clock is not None:
             self._clock = self._clock.pause(self.now())
 
-    def forget(self, colour: chess.Color) -> None:
-        """Its engine has failed: the side gets back what it has used for the move under way, and nobody's time runs."""
+    def forget(self) -> None:
+        """An engine has failed: its side gets back what it has used for the move under way, and nobody's time runs."""
         if self._clock is not None:
-            self._clock = self._clock.pause(self.now()).give_back(colour, self._clock.at(self.now()).used)
+            now = self.now()
+            self._clock = self._clock.give_back(math.inf, now).pause(now)
 
     def take_back(self, plies: int) -> None:
         """Both sides have what they had before so many plies, as far as they were played by this clock."""

@@ -131,8 +131,38 @@ def test_a_taken_back_move_gives_both_sides_their_time_back() -> None:
 
 
 def test_what_a_fault_took_is_given_back() -> None:
-    game = clock("5").start(BLACK, 0.0).decided(30.0).give_back(BLACK, 25.0).arm_clear(40.0)
+    game = clock("5").start(BLACK, 0.0).decided(30.0).give_back(25.0, 30.0).arm_clear(40.0)
     assert (game.left(BLACK), game.left(WHITE)) == (295.0, 300.0)
+    assert game.take_back(1) == clock("5")
+    more = clock("5").start(WHITE, 10.0).give_back(25.0, 12.0)  # it began before the clock did
+    assert (more.left(WHITE), more.left(WHITE, 13.0)) == (300.0, 299.0)
+    with pytest.raises(ClockError, match=r"^nobody can be given time back: no move is under way"):
+        game.give_back(1.0, 50.0)
+
+
+@given(
+    text=st.sampled_from(["1", "1+3", "1d10", "1b10", "2/1+5,1+5"]), own=st.booleans(), paused=st.booleans(),
+    spans=st.lists(st.tuples(st.floats(0.0, 30.0), st.floats(0.0, 90.0), st.floats(0.0, 9.0)), min_size=1, max_size=5),
+)  # fmt: skip
+def test_a_fault_leaves_no_trace_on_any_clock(
+    text: str, own: bool, paused: bool, spans: list[tuple[float, float, float]]
+) -> None:
+    """Moves of which a part was lost and given back leave what the same moves leave without it."""
+    faulty = sound = clock(text, ArmTime.OWN if own else ArmTime.NOBODY)
+    for thought, lost, arm in spans:
+        faulty, sound = faulty.start(WHITE, 0.0), sound.start(WHITE, 0.0)
+        if paused:
+            faulty = faulty.pause(lost).start(WHITE, 0.0)
+            faulty = faulty.give_back(lost, thought)
+        else:
+            faulty = faulty.give_back(lost, lost + thought)
+        assert faulty.left(WHITE) == pytest.approx(sound.left(WHITE, thought))
+        faulty = ChessClock.model_validate_json(faulty.model_dump_json()).loaded().start(WHITE, 0.0)
+        faulty, sound = faulty.decided(0.0).arm_clear(arm), sound.decided(thought).arm_clear(thought + arm)
+        for one, other in zip(faulty.moves, sound.moves, strict=True):
+            assert one.model_dump() == pytest.approx(other.model_dump())
+        assert faulty.left(WHITE) == pytest.approx(sound.left(WHITE))
+    assert faulty.take_back(len(spans)) == clock(text, faulty.arm_time)
 
 
 def test_a_clock_goes_on_after_its_program() -> None:
@@ -223,6 +253,10 @@ def test_all_time_is_accounted_for(seed: int, text: str, own: bool) -> None:
         if rng.random() < 0.5:
             game = game.press(now)
         else:
+            if rng.random() < 0.5:  # a fault, of which the clock hears with the decision
+                lost = rng.uniform(0.0, 5.0)
+                now, free = now + lost, free + lost
+                game = game.give_back(lost, now)
             game = game.decided(now).at(now + 0.5)
             arm = rng.uniform(0.5, 4.0)
             now += arm

@@ -25,7 +25,7 @@ def move(times: Times, timing: Timing, thought: float, plant: float, wall: float
     """White's engine thinks, and the arm moves for so much plant time, in so much wall time."""
     timing.start(chess.WHITE)
     times.wall += thought
-    timing.decided(chess.WHITE)
+    timing.decided()
     with timing.motion():
         times.plant += plant
         times.wall += wall
@@ -46,7 +46,7 @@ def test_whose_arm_moves_pays_plant_time_where_that_is_wanted() -> None:
     timing = times.timing("5+0", ArmTime.OWN)
     timing.start(chess.WHITE)
     times.wall += 10.0
-    timing.decided(chess.WHITE)
+    timing.decided()
     with timing.motion():
         times.plant += 2.0
         times.wall += 0.5
@@ -97,16 +97,34 @@ def test_without_a_clock_nothing_is_counted() -> None:
     assert clock_of(None, []) is None
 
 
-def test_an_engine_that_failed_gets_its_time_back() -> None:
+@pytest.mark.parametrize("control", ["5+0", "5d10", "5b10"])
+def test_an_engine_that_failed_gets_its_time_back(control: str) -> None:
     times = Times()
-    timing = times.timing("5+0")
+    timing = times.timing(control)
     timing.start(chess.WHITE)
     times.wall += 40.0
-    timing.forget(chess.WHITE)
+    timing.forget()
+    assert timing.left() == pytest.approx({chess.WHITE: 300.0, chess.BLACK: 300.0})
     times.wall += 1000.0
     timing.start(chess.WHITE)
     times.wall += 10.0
-    assert timing.left() == pytest.approx({chess.WHITE: 290.0, chess.BLACK: 300.0})
+    free = 10.0 if control == "5d10" else 0.0
+    assert timing.left() == pytest.approx({chess.WHITE: 290.0 + free, chess.BLACK: 300.0})
+
+
+def test_what_an_engine_has_lost_is_given_back_once() -> None:
+    times = Times()
+    timing = times.timing("0:04")
+    timing.start(chess.WHITE)
+    times.wall += 4.4
+    assert timing.fallen(chess.Board()) is not None
+    timing.give_back(4.1)
+    assert timing.fallen(chess.Board()) is None
+    timing.decided()
+    timing.arm_clear()
+    assert timing.left() == pytest.approx({chess.WHITE: 3.7, chess.BLACK: 4.0})
+    timing.take_back(1)
+    assert timing.left() == pytest.approx({chess.WHITE: 4.0, chess.BLACK: 4.0})
 
 
 def test_a_hand_that_went_a_while_ago_pressed_the_clock_then() -> None:
