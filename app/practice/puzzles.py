@@ -143,12 +143,19 @@ def _puzzle(path: Path, number: int, name: str, fen: str, moves: str) -> Puzzle:
         raise PuzzleError(f"{where}, does not begin with a legal position ({fen}): correct the file")
     position, line = board.copy(), list[chess.Move]()
     for uci in moves.split():
-        try:
-            line.append(position.push_uci(uci))
-        except ValueError as error:
-            raise PuzzleError(
-                f"{where}, ply {len(line) + 1}, '{uci[:20]}', is not a legal move: correct the file"
-            ) from error
+        move = _legal(position, uci)
+        if move is None:
+            raise PuzzleError(f"{where}, ply {len(line) + 1}, '{uci[:20]}', is not a legal move: correct the file")
+        position.push(move)
+        line.append(move)
     if len(line) < 2:
         raise PuzzleError(f"{where}, needs a move of the opponent and a solution: correct the file")
     return Puzzle(f"puzzle {name}", board, tuple(line), not board.turn)
+
+
+def _legal(board: chess.Board, uci: str) -> chess.Move | None:
+    """The move; None: it is none that is legal."""
+    try:
+        return board.parse_uci(uci) or None  # python-chess reads a null move, too, and that is no move here
+    except ValueError:
+        return None

@@ -69,10 +69,12 @@ def _gather(game: chess.pgn.Game, moves: dict[str, dict[chess.Move, None]]) -> N
     todo: list[tuple[chess.Board, chess.pgn.GameNode]] = [(game.board(), game)]
     while todo:
         board, node = todo.pop()
-        if node.variations:
+        # a null move is how ChessBase writes down a threat: neither it nor what follows it is a line
+        lines = [following for following in node.variations if following.move]
+        if lines:
             known = moves.setdefault(board.epd(), {})
-            known.update(dict.fromkeys(following.move for following in node.variations))
-        for following in node.variations:
+            known.update(dict.fromkeys(following.move for following in lines))
+        for following in lines:
             after = board.copy(stack=False)
             after.push(following.move)
             todo.append((after, following))

@@ -75,6 +75,7 @@ def test_any_mate_solves_it(tmp_path: Path) -> None:
         ("FEN,Moves\nx,e2e4\n", "puzzle 1, does not begin with a position"),
         ("FEN,Moves\n8/8/8/8/8/8/8/K7 w - - 0 1,a1a2\n", "puzzle 1, does not begin with a legal position"),
         (f"FEN,Moves\n{chess.STARTING_FEN},e2e4 e2e4\n", "puzzle 1, ply 2, 'e2e4', is not a legal move: correct"),
+        (f"FEN,Moves\n{chess.STARTING_FEN},e2e4 0000 d2d4\n", "puzzle 1, ply 2, '0000', is not a legal move: correct"),
         (f"FEN,Moves\n{chess.STARTING_FEN},e2e4\n", "puzzle 1, needs a move of the opponent and a solution"),
         (f"FEN,Moves\n{chess.STARTING_FEN}\n", "puzzle 1, needs a move of the opponent and a solution"),
     ],

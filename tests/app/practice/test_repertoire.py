@@ -67,9 +67,25 @@ def test_it_says_where_it_was_left_and_where_it_ends(repertoire: Repertoire) -> 
     assert adviser.judge(board, board.parse_san("d5")) is None
 
 
+def test_a_null_move_and_what_follows_it_is_no_line(tmp_path: Path) -> None:
+    path = tmp_path / "threat.pgn"
+    path.write_text("1. e4 e5 (1... g5 2. d4 (2. -- h5) 2... h6) 2. Nf3 -- 3. Bb5 *\n")
+    repertoire = load_repertoire(path)
+    assert [move.uci() for move in repertoire.moves(after("e4", "g5"))] == ["d2d4"]
+    passed = after("e4", "g5")
+    passed.push(chess.Move.null())
+    assert repertoire.moves(passed) == ()
+    assert repertoire.moves(after("e4", "e5", "Nf3")) == ()
+    assert len(repertoire) == 5
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
-    [("", "contains no move: give a PGN file with a repertoire"), ("1. e4 e4 *\n", "game 1: illegal san")],
+    [
+        ("", "contains no move: give a PGN file with a repertoire"),
+        ("1. e4 e4 *\n", "game 1: illegal san"),
+        ("1. -- e5 *\n", "contains no move"),
+    ],
 )
 def test_what_is_no_repertoire_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "bad.pgn"
