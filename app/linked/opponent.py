@@ -239,7 +239,7 @@ class LinkedOpponent:
         for request, colour in ((peer.asked, not turn), (peer.request, turn)):
             if request == "resign":
                 return EndEntry(result="0-1" if colour else "1-0", reason=f"{side_name(colour)} resigns")
-            if request == "abort" and len(state.board.move_stack) < ABORTABLE:
+            if request == "abort":
                 return EndEntry(result="*", reason="aborted")
         return None
 

@@ -37,7 +37,7 @@ from app.linked.messages import (
     SyncMessage,
 )
 from app.linked.stopwatch import Stopwatch
-from app.players.remote import Offer, OfferAnswered, Offered
+from app.players.remote import ABORTABLE, Offer, OfferAnswered, Offered
 from app.settings.defaults import LinkRole
 
 OFFERS: Final = MappingProxyType[Proposal, Offer](
@@ -199,7 +199,7 @@ class LinkedPeer:
                 self.events.append(OfferAnswered(OFFERS[message.what], accepted=False))
             case RequestMessage():
                 self._require_known(message.at)
-                self.asked = None if self.log.state.over else message.what
+                self.asked = None if self.log.state.over or self._comes_too_late(message.what) else message.what
             case RematchMessage():
                 self.they_ask = message.asks
             case _:  # it is alive
@@ -313,6 +313,9 @@ class LinkedPeer:
             self.say(RequestMessage(what=request, at=len(self.log)))
             self.changed.notify_all()
 
+    def _comes_too_late(self, request: Request | None) -> bool:
+        return request == "abort" and len(self.log.state.board.move_stack) >= ABORTABLE
+
     def rematch(self, *, asks: bool) -> None:
         """The game is over here; whether somebody is asked for another."""
         with self.changed:
@@ -345,6 +348,12 @@ class LinkedPeer:
         self.agreements.after(entry, writer)
         if isinstance(entry, EndEntry | BeginEntry):
             self.request = self.asked = None
+        # else it would wait, and end the game as soon as its moves were taken back
+        if self._comes_too_late(self.asked):
+            self.asked = None
+        if self._comes_too_late(self.request):
+            self.request = None
+            self.note("your 'abort' came too late: both sides have moved by now; resign or offer a draw")
         if isinstance(entry, BeginEntry):
             self._stands = self._ask = self.they_ask = None
         self.watch.reset()

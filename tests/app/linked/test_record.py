@@ -292,6 +292,47 @@ def test_a_game_is_aborted_only_before_both_have_moved(tmp_path: Path) -> None:
     assert host.over is None
 
 
+def test_an_abort_that_comes_too_late_is_over_and_who_asked_is_told(tmp_path: Path) -> None:
+    host, guest, wire = pair(tmp_path)
+    host.move("e2e4")
+    wire.settle()
+    host.opponent.abort()  # while Black, who does not know, moves
+    guest.move("e7e5")
+    wire.settle()
+    assert host.said() == ["your 'abort' came too late: both sides have moved by now; resign or offer a draw"]
+    assert guest.said() == []
+    for proposes, agrees in ((host, guest), (guest, host)):
+        proposes.opponent.offer(Offer.TAKE_BACK)
+        wire.settle()
+        agrees.opponent.offer(Offer.TAKE_BACK)
+        wire.settle()
+    agree(host, guest)
+    assert (line(host), host.over, guest.over) == ([], None, None)
+    guest.opponent.abort()  # now it is in time
+    wire.settle()
+    assert host.over == guest.over
+    assert isinstance(host.over, GameOver)
+    assert host.over.end.reason == "aborted"
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_an_abort_that_a_cut_held_up_comes_too_late_all_the_same(tmp_path: Path, told: bool) -> None:
+    host, guest, wire = pair(tmp_path)
+    host.move("e2e4")
+    wire.settle()
+    if not told:
+        wire.cut()
+    host.opponent.abort()
+    if told:
+        wire.deliver(GUEST)  # its loop has not looked yet
+        wire.cut()
+    guest.opponent.play(1, chess.Move.from_uci("e7e5"))
+    wire.connect()
+    wire.settle()
+    assert (host.peer.request, guest.peer.asked, host.over, guest.over) == (None, None, None, None)
+    assert [said for said in host.said() if "too late" in said] == host.said()[-1:]
+
+
 def test_threefold_repetition_is_claimed_by_who_is_to_move(tmp_path: Path) -> None:
     host, guest, wire = pair(tmp_path)
     for ply in range(8):
