@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, Self
 from urllib.parse import urlsplit
 
 import berserk
@@ -90,27 +90,20 @@ class _Bearer:
 class Stream:
     """Lines of an answer that goes on: of each the object, or None where it only keeps the connection alive.
 
-    Iterating raises ``Cut`` where the connection is lost or silent, and ends where the server ends it.
+    Iterating raises ``Cut`` where the connection is lost or silent, and ends where the server ends it. Who leaves
+    off may go on with the next line.
     """
 
     def __init__(self, response: requests.Response) -> None:
         self._response = response
         self._closed = False
+        self._lines = _lines_of(response)
 
-    def __iter__(self) -> Iterator[Mapping[str, Any] | None]:
-        rest = b""
-        try:
-            for piece in self._response.iter_content(chunk_size=None):
-                *lines, rest = (rest + piece).split(b"\n")
-                if len(rest) > LONGEST_LINE:
-                    raise Cut(f"a line of more than {LONGEST_LINE} bytes")
-                for line in lines:
-                    yield _object(line)
-        except (requests.RequestException, OSError, ValueError, AttributeError) as error:
-            # the last two: closed by another thread in the middle of a read
-            raise Cut(type(error).__name__) from error
-        finally:
-            self._response.close()
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Mapping[str, Any] | None:
+        return next(self._lines)
 
     def close(self) -> None:
         """End it, from any thread: who reads from it sees its end, or a ``Cut``."""
@@ -124,12 +117,29 @@ class Stream:
                     return  # it has ended by itself
 
 
+def _lines_of(response: requests.Response) -> Iterator[Mapping[str, Any] | None]:
+    """Of a stream; the response is closed at its end, or when nobody holds this any more."""
+    rest = b""
+    try:
+        for piece in response.iter_content(chunk_size=None):
+            *lines, rest = (rest + piece).split(b"\n")
+            if len(rest) > LONGEST_LINE:
+                raise Cut(f"a line of more than {LONGEST_LINE} bytes")
+            for line in lines:
+                yield _object(line)
+    except (requests.RequestException, OSError, ValueError, AttributeError) as error:
+        # the last two: closed by another thread in the middle of a read
+        raise Cut(type(error).__name__) from error
+    finally:
+        response.close()
+
+
 def _object(line: bytes) -> Mapping[str, Any] | None:
     if not line.strip():
         return None
     try:
         said = json.loads(line)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # the latter: nested more deeply than Python reads
         raise Cut("a line that is no JSON") from error
     if not isinstance(said, dict):
         raise Cut("a line that is no object")
@@ -280,7 +290,7 @@ class LichessClient:
                 raise self._refusal(error) from None  # the error holds the request, and that the token
             except ApiError as error:
                 raise Cut(type(error.error).__name__) from None
-            except ValueError as error:  # no JSON
+            except (ValueError, RecursionError) as error:  # no JSON, or nested more deeply than Python reads
                 raise Cut(type(error).__name__) from None
 
     def _refusal(self, error: ResponseError) -> Exception:

@@ -171,6 +171,6 @@ def _glance(file: Path) -> dict[str, Any]:
 def _object(lines: list[bytes]) -> dict[str, Any]:
     try:
         found = json.loads(lines[0]) if lines else None
-    except ValueError:
+    except (ValueError, RecursionError):  # the latter: nested more deeply than Python reads
         found = None
     return found if isinstance(found, dict) else {}

@@ -20,6 +20,8 @@ from tests.app.online.fake_lichess import TOKEN, FakeLichess, Temper
 from tests.app.online.online_games import QuickTime
 from tests.waiting import PATIENCE
 
+DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+
 
 def client_of(lichess: FakeLichess, token: str = TOKEN) -> LichessClient:
     return LichessClient(lichess.address, Token(token), QuickTime())
@@ -110,6 +112,7 @@ def test_a_server_that_is_not_there_is_a_cut_link() -> None:
         (response(b"<html>"), Cut),
         (response(b'{"id": 5}'), MessageError),
         (response(b"[]"), MessageError),
+        (response(DEEP), Cut),
         (response(b"", "302 Found", "Location: http://127.0.0.1:9/\r\n"), Cut),
         (response(b'{"error": "\\u001b[31mno\\n"}', "403 Forbidden"), RequestRefused),
         (response(b"", "503 Service Unavailable"), Cut),
@@ -123,12 +126,23 @@ def test_answers_that_make_no_sense_change_nothing(answer: bytes, error: type[Ex
     assert str(caught.value).isprintable()
 
 
-@pytest.mark.parametrize("line", [b"{", b"[1]", b"\xff\xfe", b"7"])
+@pytest.mark.parametrize("line", [b"{", b"[1]", b"\xff\xfe", b"7", DEEP])
 def test_a_stream_that_makes_no_sense_is_a_cut_link(line: bytes) -> None:
     with answering(response(b"\n" + line + b"\n")) as server:
         stream = LichessClient(server, Token(TOKEN), QuickTime()).events()
         with pytest.raises(Cut):
             list(stream)
+
+
+def test_who_leaves_a_stream_may_go_on_with_its_next_line() -> None:
+    with answering(response(b'{"a": 1}\n{"b": 2}\n\n{"c": 3}\n')) as server:
+        stream = LichessClient(server, Token(TOKEN), QuickTime()).events()
+        for said in stream:
+            assert said == {"a": 1}
+            break
+        assert next(stream) == {"b": 2}
+        assert list(stream) == [None, {"c": 3}]
+        assert list(stream) == []
 
 
 def test_a_stream_has_no_endless_lines(monkeypatch: pytest.MonkeyPatch) -> None:

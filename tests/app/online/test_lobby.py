@@ -252,6 +252,8 @@ def test_a_game_of_the_account_is_taken_up(tmp_path: Path) -> None:
         game = lichess.begin("Emil", id="emil1234")
         done, _ = online(lichess, tmp_path, **{"online.game": "emil1234"})
         assert (game.status, done.report.exit_reason, lichess.seeks) == ("resign", "Black resigns", 0)
+        asked = [path for _, path in lichess.requests if path == "/api/board/game/stream/emil1234"]
+        assert len(asked) == 1, "whoever plays goes on with the stream that told of the game"
 
 
 def test_accounts_play_only_as_the_server_allows(tmp_path: Path) -> None:

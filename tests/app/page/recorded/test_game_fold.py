@@ -178,6 +178,14 @@ def test_records_that_contradict_themselves_are_said_so(tmp_path: Path) -> None:
         fold((), TABLE)
 
 
+def test_a_record_that_nests_without_end_is_listed_as_one_that_cannot_be_read(tmp_path: Path) -> None:
+    game = RecordedGame(tmp_path / "deep")
+    game.record.close()
+    (tmp_path / "deep" / EVENTS_FILE).write_bytes(b"[" * 100_000 + b"]" * 100_000 + b"\n")
+    (shown,) = Catalogue(tmp_path).games()
+    assert (shown["id"], shown["white"], shown["start"], shown["result"]) == ("deep", None, None, "*")
+
+
 def test_a_last_line_that_is_taken_back_is_forgotten(tmp_path: Path) -> None:
     game = RecordedGame(tmp_path)
     game.ply("e4")
