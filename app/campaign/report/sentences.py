@@ -124,6 +124,10 @@ def comparison_sentences(comparison: CampaignComparison) -> list[str]:
     seen = [f"{one.metric.name} {_size(one.metric, one.visible)}" for one in visible if one.visible is not None]
     if seen:
         said.append(f"A change of more than this would have been seen with {percent(POWER)} power: {'; '.join(seen)}.")
+    too_few = [one.metric.name for one in comparison.changes
+               if not one.found and one.visible is None and one.metric.sort is not MetricSort.RATE]  # fmt: skip
+    if too_few:
+        said.append(f"There are too few games for a change of these to be found, however large: {'; '.join(too_few)}.")
     if comparison.same:
         said.append(_all_the_same(comparison))
     return said

@@ -34,6 +34,7 @@ from app.campaign.report.analysis.statistics import (
     fisher,
     hits_needed,
     holm,
+    least_p_value,
     mann_whitney,
     mcnemar,
     mean_difference,
@@ -287,12 +288,13 @@ def _figure_measures(
 ) -> tuple[EffectEstimate, float | None]:
     if paired:
         away = newer - older
+        enough = least_p_value(away.size) <= level
         if typical:
-            return paired_shift(away), visible_paired_shift(away, level)
-        return mean_change(away, None), visible_mean_change(away, None, level) if away.size > 1 else None
+            return paired_shift(away), visible_paired_shift(away, level) if enough else None
+        return mean_change(away, None), visible_mean_change(away, None, level) if enough else None
+    enough = least_p_value(older.size, newer.size) <= level
     if typical:
-        return unpaired_shift(older, newer), visible_shift(older, newer, level)
-    enough = min(older.size, newer.size) > 1
+        return unpaired_shift(older, newer), visible_shift(older, newer, level) if enough else None
     return mean_change(older, newer), visible_mean_change(older, newer, level) if enough else None
 
 

@@ -6,6 +6,7 @@ bounds at a stated confidence. Where few games say anything the tests are exact;
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -141,6 +142,13 @@ def mann_whitney(one: Numbers, other: Numbers) -> float:
     if one.size == 0 or other.size == 0 or np.ptp(np.concatenate([one, other])) == 0.0:
         return 1.0
     return float(mannwhitneyu(one, other).pvalue)
+
+
+def least_p_value(ones: int, others: int | None = None) -> float:
+    """The least that a rank test of so many pairs, or of two samples of so many, can come to: all of one side lie above
+    the other's.
+    """
+    return min(1.0, 2.0 / (2.0**ones if others is None else math.comb(ones + others, ones)))
 
 
 def mean_difference(older: Numbers, newer: Numbers | None) -> float:

@@ -17,7 +17,7 @@ from app.campaign.report.analysis import comparing
 from app.campaign.report.analysis.comparing import matched, with_the_same_plies
 from app.campaign.report.analysis.conditions import DrawnRange, drawn_ranges
 from app.campaign.report.analysis.explaining import explained, where_a_change_sits
-from app.campaign.report.analysis.metrics import FAILED
+from app.campaign.report.analysis.metrics import FAILED, MetricSort
 from app.campaign.report.analysis.rows import CampaignRows, RowTable
 from app.campaign.report.analysis.statistics import fisher
 from app.campaign.report.findings import CampaignComparison, compared
@@ -85,6 +85,21 @@ def test_planted_figures_are_found_at_their_size() -> None:
         assert change.estimate.low < 0.06 < change.estimate.high
     harder = comparisons(4, False, blows_are_harder)
     assert all(found_in(one, "force") for one in harder)
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_of_so_few_games_that_nothing_can_be_found_it_is_not_said_what_would_have_been(paired: bool) -> None:
+    """Three games of either campaign: the surest that there is has p = 0.1, or in pairs 0.25."""
+
+    def slower(games: dict[str, np.ndarray], plies: dict[str, np.ndarray], rng: np.random.Generator) -> None:
+        plies["real_s"] = plies["real_s"] + 5.0
+
+    comparison = compared(*pair(1, paired, slower, games=3))
+    assert not comparison.found
+    assert all(one.visible is None for one in comparison.changes if one.metric.sort is not MetricSort.RATE)
+    said = " ".join(comparison_sentences(comparison))
+    assert "There are too few games for a change of these to be found, however large: " in said
+    assert "would have been seen with 80 % power: time" not in said
 
 
 def test_a_piece_and_a_range_are_named() -> None:
