@@ -6,7 +6,8 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from typing import Any, Final, Protocol, Self
 from urllib.parse import urlsplit
 
@@ -103,7 +104,10 @@ class Stream:
         return self
 
     def __next__(self) -> Mapping[str, Any] | None:
-        return next(self._lines)
+        try:
+            return next(self._lines)
+        except ValueError as error:  # another thread is closing it
+            raise Cut("closed") from error
 
     def close(self) -> None:
         """End it, from any thread: who reads from it sees its end, or a ``Cut``."""
@@ -111,14 +115,15 @@ class Stream:
             self._closed = True
             connection = getattr(self._response.raw, "connection", None)
             if (sock := getattr(connection, "sock", None)) is not None:
-                try:
+                with suppress(OSError):  # it has ended by itself
                     sock.shutdown(socket.SHUT_RDWR)
-                except OSError:
-                    return  # it has ended by itself
+            with suppress(ValueError):  # another thread is in the middle of a read: that ends now, and closes it
+                self._lines.close()
+                self._response.close()  # of a stream from which nothing was read yet
 
 
-def _lines_of(response: requests.Response) -> Iterator[Mapping[str, Any] | None]:
-    """Of a stream; the response is closed at its end, or when nobody holds this any more."""
+def _lines_of(response: requests.Response) -> Generator[Mapping[str, Any] | None, None, None]:
+    """Of a stream; the response is closed at its end."""
     rest = b""
     try:
         for piece in response.iter_content(chunk_size=None):

@@ -20,8 +20,11 @@ def moves_of(text: str) -> tuple[chess.Move, ...]:
     """
     board, moves = chess.Board(), list[chess.Move]()
     for uci in text.split():
-        moves.append(board.parse_uci(uci))
-        board.push(moves[-1])
+        move = board.parse_uci(uci)
+        if not move:  # python-chess takes 0000 for a move
+            raise chess.IllegalMoveError(f"illegal uci: {uci!r} in {board.fen()}")
+        moves.append(move)
+        board.push(move)
     return tuple(moves)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from typing import Final, Self
 
 from app import UserError
@@ -309,6 +310,7 @@ class Lobby:
         self._over.add(game)
         self._played = True
         if not full.usual:
+            stream.close()
             self._client.act(self._kind, game, "abort")
             raise UserError(f"the game {game} is no usual chess, and this table knows no other: it was aborted")
         self._opponent = LichessOpponent(
@@ -328,17 +330,14 @@ class Lobby:
 
     def _first_line(self, game: str) -> tuple[GameFull, Stream]:
         for delay in BACK_OFF[:_FIRST_LINE]:
-            stream = None
-            try:
+            with suppress(Cut), ExitStack() as in_vain:  # it is tried again
                 stream = self._client.game(self._kind, game)
+                in_vain.callback(stream.close)
                 for said in stream:
                     line = None if said is None else game_line(said)
                     if isinstance(line, GameFull):
+                        in_vain.pop_all()
                         return line, stream
-            except Cut:
-                pass  # tried again
-            if stream is not None:
-                stream.close()
             self._client.waiting.wait(delay, self._client.closed)
         raise UserError(f"{self._client.server} does not show the game {game}: look at it there, and try again")
 

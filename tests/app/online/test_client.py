@@ -143,6 +143,10 @@ def test_who_leaves_a_stream_may_go_on_with_its_next_line() -> None:
         assert next(stream) == {"b": 2}
         assert list(stream) == [None, {"c": 3}]
         assert list(stream) == []
+        left = LichessClient(server, Token(TOKEN), QuickTime()).events()
+        assert next(left) == {"a": 1}
+        left.close()
+        assert list(left) == []
 
 
 def test_a_stream_has_no_endless_lines(monkeypatch: pytest.MonkeyPatch) -> None:

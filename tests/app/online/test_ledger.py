@@ -34,8 +34,9 @@ class Table:
 def test_moves_are_read_also_where_castling_is_written_as_king_takes_rook() -> None:
     text = "e2e4 e7e5 g1f3 g8f6 f1e2 f8e7 "
     assert moves_of(text + "e1h1") == moves_of(text + "e1g1")
-    with pytest.raises(ValueError, match="illegal"):
-        moves_of("e2e5")
+    for text in ("e2e5", "e2e4 0000"):
+        with pytest.raises(ValueError, match="illegal"):
+            moves_of(text)
 
 
 def test_what_the_table_lacks_is_made_and_what_it_has_too_much_is_taken_back() -> None:
