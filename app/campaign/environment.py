@@ -70,9 +70,8 @@ def _items(environment: CampaignEnvironment) -> Iterator[tuple[str, str]]:
             yield name, str(value)[:length]
 
 
-@cache
 def environment_here(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
-    """That of this process.
+    """That of this process: sources and packages as it has begun with them, engines and files as they are now.
 
     Args:
         engines: paths of those that play, an empty one for the usual one.
@@ -100,6 +99,7 @@ def host_and_cpu() -> tuple[str, str]:
     return socket.gethostname(), cpu
 
 
+@cache
 def _sources() -> str:
     """What is read when the program runs; not what Python makes of it."""
     root, digest = Path(app.__file__).parents[1], hashlib.sha256()
@@ -110,6 +110,7 @@ def _sources() -> str:
     return digest.hexdigest()
 
 
+@cache
 def _packages() -> dict[str, str]:
     try:
         wanted = [text for text in requires(DISTRIBUTION) or () if "extra ==" not in text]

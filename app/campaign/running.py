@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Future, wait
@@ -20,7 +21,7 @@ from app.campaign.environment import CampaignEnvironment, environment_here
 from app.campaign.folder import KeptCampaign, keep_campaign
 from app.campaign.ledger import WHOLE, Ledger, Shard, ledgers_in, results_in
 from app.campaign.named_files import engines_of, files_of
-from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, gone, no_room, results_of
+from app.campaign.scheduling import CampaignStopped, HandedOut, Scheduling, gone, no_room, results_of, unlike
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskOutcome, TaskResult
 from app.campaign.spec import LAST_SEED, CampaignSpec
 from app.campaign.tables import GrowingTables
@@ -150,10 +151,12 @@ def run_campaign(spec: CampaignSpec, wish: CampaignWish, shown: CampaignShown) -
                 tally.add(game)
             shown.begun(len(indices), before, workers.dashboard)
 
+            run, folder = uuid.uuid4().hex, wish.folder.absolute()
+
             def order(task: CampaignTask) -> str:
-                folder = wish.folder.absolute()
-                given = TaskOrder(task=task, environment=environment, engines=engines, keep=wish.keep, folder=folder)
-                return given.model_dump_json()
+                return TaskOrder(
+                    task=task, environment=environment, engines=engines, run=run, keep=wish.keep, folder=folder
+                ).model_dump_json()
 
             tasks = (_drawn(spec, index) for index in indices if index not in played_once)
             tables, handed_out = GrowingTables(wish.folder, kept.spec), HandedOut()
@@ -225,7 +228,9 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
                 asked = cluster.executor.submit(environment_here, engines, files)
                 if not cluster.cores():
                     tell()
-                return _answered(asked, cluster.deaths, tell)
+                there = _answered(asked, cluster.deaths, tell)
+                _require_this_program(there)
+                return there
 
             yield _Workers(
                 lambda order, idle: Scheduling(
@@ -247,6 +252,17 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
         raise
     else:
         local.shutdown()
+
+
+def _require_this_program(there: CampaignEnvironment) -> None:
+    """Make sure that workers elsewhere are of the program that draws here; engines, files and threads are theirs alone.
+
+    Raises:
+        CampaignStopped: they are not.
+    """
+    theirs = {name: getattr(there, name) for name in ("engine", "files", "threads")}
+    if found := environment_here((), ()).model_copy(update=theirs).differences(there):
+        raise unlike("; ".join(found))
 
 
 def _why_none(wish: CampaignWish, cores: int) -> str:

@@ -147,9 +147,7 @@ def _taken(
     except CancelledError as error:
         raise gone("it has let go of what it was to play") from error
     except EnvironmentDiffers as error:
-        raise CampaignStopped(
-            f"a worker is not as the others are: {error}: give all of them the same, and the same command goes on"
-        ) from error
+        raise unlike(str(error)) from error
     except MachineTrouble as error:
         _trouble(state, task, str(error), scheduling)
     except scheduling.fatal as error:
@@ -168,6 +166,13 @@ def _trouble(state: HandedOut, task: CampaignTask, reason: str, scheduling: Sche
         raise no_room(reason)
     state.not_before = time.monotonic() + scheduling.pause * state.troubles[task.index]
     state.again.append(task)
+
+
+def unlike(what: str) -> CampaignStopped:
+    """Some would draw or play other games than others."""
+    return CampaignStopped(
+        f"a worker is not as the others are: {what}: give all of them the same, and the same command goes on"
+    )
 
 
 def no_room(reason: str) -> CampaignStopped:

@@ -25,6 +25,8 @@ class TaskOrder(Frozen):
     environment: CampaignEnvironment
     engines: tuple[str, ...]
     """See ``environment_here``."""
+    run: str = ""
+    """Of which call of the command; what a worker has found out about itself holds for that one."""
     keep: Kept = Kept.FAILED
     folder: Path | None = None
     """Of the campaign, where games are kept; None: nowhere."""

@@ -12,10 +12,12 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
+from typing import Final
 
 from app import UserError
-from app.campaign.environment import environment_here, host_and_cpu
+from app.campaign.environment import CampaignEnvironment, environment_here, host_and_cpu
 from app.campaign.folder import CAMPAIGN_FILE
 from app.campaign.schema import GAMES_FOLDER, GameRow, TaskResult
 from app.campaign.tasks.kills import LOG, KilledWithLog, play_with_kills
@@ -29,6 +31,9 @@ from app.rig.simulation.processes import last_words
 from app.settings.files import SETTINGS_FILE
 from controller.protocol.key import KEY_FILE
 from hardware.sim.process.settings import END_FILE
+
+RUNS: Final = 8
+"""Of so many campaigns a worker of a cluster plays in turn without looking at engines and files again."""
 
 
 def play_task(text: str) -> str:
@@ -48,13 +53,19 @@ def play_task(text: str) -> str:
     """
     order = TaskOrder.model_validate_json(text)
     try:
-        here = environment_here(order.engines, tuple(order.environment.files))
+        here = _environment_in(order.run, order.engines, tuple(order.environment.files))
     except UserError as error:  # it has no engine, or not the files
         raise EnvironmentDiffers(str(error)) from error
     if found := order.environment.differences(here):
         raise EnvironmentDiffers("; ".join(found))
     with _classified(order), scratch_folder(order.task.seed) as folder:
         return _played(order, folder).model_dump_json()
+
+
+@lru_cache(maxsize=RUNS)
+def _environment_in(_run: str, engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
+    """See ``environment_here``: once a campaign, since an engine takes longer to say its name than a task may cost."""
+    return environment_here(engines, files)
 
 
 def play_again(text: str) -> str:

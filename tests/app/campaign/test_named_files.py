@@ -8,10 +8,17 @@ import pytest
 
 from app import UserError
 from app.campaign import environment
+from app.campaign.drawing import draw
 from app.campaign.environment import environment_here
 from app.campaign.folder import load_spec
 from app.campaign.named_files import engines_of, files_of
-from app.campaign.spec import ChoiceRange
+from app.campaign.running import _require_this_program
+from app.campaign.scheduling import CampaignStopped
+from app.campaign.spec import CampaignSpec, ChoiceRange
+from app.campaign.tasks.rows import crashed
+from app.campaign.troubles import EnvironmentDiffers
+from app.campaign.workers import worker
+from app.campaign.workers.order import TaskOrder
 from app.settings.toml import ConfigError
 
 NODES = "[draw]\nengine.nodes = 3\n"
@@ -110,9 +117,30 @@ def test_an_engine_or_a_file_that_a_worker_has_not_is_a_sentence(tmp_path: Path)
 def test_a_folder_of_tables_is_compared_by_names_and_sizes(tmp_path: Path) -> None:
     (tmp_path / "KQvK.rtbw").write_bytes(b"123")
     before = environment_here((), (str(tmp_path),))
-    environment_here.cache_clear()
     (tmp_path / "KQvK.rtbw").write_bytes(b"1234")
     assert before.differences(environment_here((), (str(tmp_path),)))
+
+
+def test_a_worker_that_stays_looks_at_files_once_a_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    task = draw(CampaignSpec(draw={"start.line": True}), 0)
+    monkeypatch.setattr(worker, "_played", lambda order, _folder: crashed(task, "", "", order.environment.digest))
+    book = tmp_path / "book.bin"
+    book.write_bytes(b"one")
+    order = TaskOrder(task=task, environment=environment_here((), (str(book),)), engines=(), run="first")
+    worker.play_task(order.model_dump_json())
+    book.write_bytes(b"two")
+    worker.play_task(order.model_dump_json())
+    later = order.model_copy(update={"run": "second"})
+    with pytest.raises(EnvironmentDiffers, match=r"files\.\S+book\.bin is [0-9a-f]{12} instead of [0-9a-f]{12}"):
+        worker.play_task(later.model_dump_json())
+
+
+def test_workers_of_a_cluster_are_of_the_program_that_draws() -> None:
+    there = environment_here((), ())
+    theirs = there.model_copy(update={"engine": "Stockfish 17", "files": {"book": "1"}, "threads": {"A": "1"}})
+    _require_this_program(theirs)
+    with pytest.raises(CampaignStopped, match="a worker is not as the others are: sources is 2 instead of "):
+        _require_this_program(theirs.model_copy(update={"sources": "2"}))
 
 
 def test_versions_differ_by_their_last_digit_and_digests_are_short() -> None:
