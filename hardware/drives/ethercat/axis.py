@@ -51,7 +51,7 @@ class ServoAxis:
         self.state = DriveState.NOT_READY
         self.angle = self.velocity = 0.0
         self.error, self.cut = 0, False
-        self._control = 0
+        self._control, self._unread = 0, 0.0
 
     def outputs(self, torque: float, wanted: Wanted, elapsed: float, *, reset: bool) -> bytes:
         """Process data for a joint's torque [N m]; ``reset``: a fault of the drive is to be reset."""
@@ -83,10 +83,16 @@ class ServoAxis:
         angle, said = self._scale.angle(motor), self._scale.velocity(speed)
         # a drive latches its inputs once a period, so they may be that old when the frame takes them along
         wrong = self._encoder.see(EncoderReading(angle, said, sent - self._period, answered))
+        unread, self._unread = self._unread + elapsed, 0.0
         if self._estimate is not None:
-            said = self._estimate.take(angle, elapsed)
+            said = self._estimate.take(angle, unread)
         self.angle, self.velocity = angle, said
         return wrong or self._followed.see(torque / self._thousandths, elapsed)
+
+    def lose(self, elapsed: float) -> None:
+        """It does not answer, and that is a fault: how fast it turns nobody knows, and it is not said to turn [s]."""
+        self._unread += elapsed
+        self.velocity = 0.0
 
     def begin_anew(self) -> None:
         """What was seen before does not count: nobody has looked for a while."""

@@ -13,7 +13,7 @@ from hardware.drives.ethercat.axis import ServoAxis
 from hardware.drives.ethercat.cia402 import DriveState, Wanted
 from hardware.drives.ethercat.clock import ReferenceFollower
 from hardware.drives.ethercat.gripper import GripperAxis, dead_channel, forces_of
-from hardware.drives.ethercat.network import Network, directly
+from hardware.drives.ethercat.network import Health, Network, directly
 from hardware.drives.ethercat.settings import ARMS, Device, EtherCatSettings
 from hardware.drives.faults import DriveFault
 from hardware.drives.settings import DriveSettings
@@ -76,8 +76,12 @@ class EtherCatServoBus:
         self._came: deque[bool] = deque(maxlen=faults.FRAMES)
         self._losses, self._lossy = 0, False
         self._latched: DriveFault | None = None
+        self._ill = False
+        """The last exchange has found something, be it what is latched already."""
         self._cleared_since = self._wanted_since = self._lifted = self._asked = time.monotonic()
         self._wrong, self._doubt = 0, True
+        self._gone = frozenset[Device]()
+        """Who did not answer when all were asked last."""
         self._unanswered: float | None = None
         self._answered = self._sent = self._made = time.monotonic()
         self._clock = TickClock(self.period)
@@ -90,8 +94,9 @@ class EtherCatServoBus:
         """See ``ServoBus.exchange``. A frame that is lost is a tick that is missed; ``BusLost`` if none comes back."""
         if self._closed:
             raise BusLost("the EtherCAT drives were given up")
-        if self._latched is not None and not command.enable:
+        if self._latched is not None and not command.enable and not self._ill:
             self._clear()
+        self._ill = False
         finite = math.isfinite(sum(command.torque) + command.finger_velocity)
         if not finite:
             self._latch(DriveFault(0, DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
@@ -135,7 +140,7 @@ class EtherCatServoBus:
             return True
         self._wrong = 0 if counter < 0 else self._wrong + 1
         if self._wrong >= faults.WRONG and self._latched is None:
-            self._latch(faults.of_health(network.health()) or faults.of_counter(counter, network.expected))
+            self._latch(faults.of_health(self._health()) or faults.of_counter(counter, network.expected))
         return self._wrong >= faults.WRONG
 
     def _wanted(self, command: Command) -> Wanted:
@@ -198,6 +203,9 @@ class EtherCatServoBus:
     def _take(self, now: float, elapsed: float) -> None:
         network = self._network
         for arm, device in zip(self._arms, ARMS, strict=True):
+            if self._wrong and device in self._gone:  # its process data are those of before
+                arm.lose(elapsed)
+                continue
             trouble = arm.take(network.input(device), self._sent, now, elapsed)
             if trouble is not None and not self._wrong:
                 self._latch(faults.of_drive(device, self._settings.place(device), trouble))
@@ -241,13 +249,10 @@ class EtherCatServoBus:
         if lagging is None or not command.enable:
             self._wanted_since = now
             return
-        if fell:  # somebody has left its state without a fault of its own
-            ill = faults.of_health(self._network.health())
-            if ill is not None:
-                self._latch(ill)
-                return
-        if now - self._wanted_since > faults.STAY:
-            place, state = self._settings.place(lagging), self._axes[lagging].state
+        place, state = self._settings.place(lagging), self._axes[lagging].state
+        if fell:  # without a fault of its own, as by STO: were it back by itself, the arm would start with nobody there
+            self._latch(faults.of_health(self._health()) or faults.of_fall(lagging, place, state))
+        elif now - self._wanted_since > faults.STAY:
             self._latch(faults.of_stay(lagging, place, state, now - self._wanted_since))
 
     def _ask_states(self, now: float) -> None:
@@ -255,7 +260,7 @@ class EtherCatServoBus:
         if not self._ran or now - self._asked < ASK_EVERY:
             return
         self._asked = now
-        said = [one for one in self._network.health() if one.state]  # of the others the working counter tells
+        said = [one for one in self._health() if one.state]  # of the others the working counter tells
         if (ill := faults.of_health(said)) is not None:
             self._latch(ill)
 
@@ -276,7 +281,8 @@ class EtherCatServoBus:
     # faults
 
     def _latch(self, fault: DriveFault) -> None:
-        """The arm goes onto its brakes, and stays there until it is disabled; the first fault counts."""
+        """The arm goes onto its brakes, until it is disabled and nothing is found any more; the first fault counts."""
+        self._ill = True
         if self._latched is None:
             self._latched = self.fault = fault
             self._ran = False
@@ -286,7 +292,7 @@ class EtherCatServoBus:
         """Whoever has disabled the drives has seen the fault: it is over where all are well."""
         if any(axis.state in (DriveState.FAULT, DriveState.FAULT_REACTION) for axis in self._axes.values()):
             return  # their reset is under way
-        if self._wrong or not all(one.well for one in self._network.health()):
+        if self._wrong or not all(one.well for one in self._health()):
             return
         self._latched = None
         if self._lossy:
@@ -295,13 +301,19 @@ class EtherCatServoBus:
         self._losses, self._lossy = 0, False
         self._cleared_since = self._wanted_since = time.monotonic()
 
+    def _health(self) -> list[Health]:
+        """How all devices stand, see ``Network.health``; who does not answer is noted."""
+        health = self._network.health()
+        self._gone = frozenset(one.device for one in health if not one.state)
+        return health
+
     def _recover(self, now: float, command: Command) -> None:
         """Bring devices back that have left OP, while nobody wants the arm; no device is waited for."""
         doubt = self._doubt if self._latched is None else not command.enable
         if self._ran or not doubt or now - self._lifted < LIFT_EVERY:
             return
         self._lifted = now
-        health = self._network.health()
+        health = self._health()
         self._doubt = not all(one.well for one in health)
         for one in health:
             if one.state & 0x0F in (al_status.SAFEOP, al_status.OP) and not one.well:

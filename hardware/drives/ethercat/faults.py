@@ -16,7 +16,7 @@ WRONG: Final = 3
 FRAMES, LOSSES = 500, 0.1
 """Among so many frames, the last ones, a larger share of lost ones is a fault."""
 STAY: Final = 1.0
-"""A drive that does not follow its control word for so long is a fault [s]; power stages take some tenths."""
+"""A drive that does not begin to follow its control word for so long is a fault [s]; power stages take some tenths."""
 NUMBERS: Final = {
     **{arm: number for number, arm in enumerate(ARMS, 1)},
     Device.GRIPPER: 4,
@@ -62,8 +62,16 @@ def of_counter(found: int, expected: int) -> DriveFault:
     )
 
 
+def of_fall(device: Device, place: int, state: DriveState) -> DriveFault:
+    """A drive that was running, and is not any more, though it reports no fault."""
+    return DriveFault(
+        NUMBERS[device], DriveTrouble.NOT_OPERATIONAL,
+        f"it is in '{state.value}' without a fault, as after STO or an E-stop; device {place + 1} on the cable",
+    )  # fmt: skip
+
+
 def of_stay(device: Device, place: int, state: DriveState, seconds: float) -> DriveFault:
-    """A drive that does not do what it is asked for."""
+    """A drive that does not begin to do what it is asked for."""
     return DriveFault(
         NUMBERS[device], DriveTrouble.NOT_OPERATIONAL,
         f"it has stayed in '{state.value}' for {seconds:.1f} s; device {place + 1} on the cable",
