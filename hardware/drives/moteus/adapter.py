@@ -10,6 +10,7 @@ from hardware.drives.moteus import frames
 from hardware.drives.moteus.fdcanusb import (
     AdapterLineError,
     CanFrame,
+    FrameRefused,
     parse_frame,
     send_line,
     shown,
@@ -41,8 +42,13 @@ class Adapter:
         return (with_check_sum(line) if self._check_sums else line) + b"\n"
 
     def take(self, line: bytes) -> CanFrame | None:
-        """The frame of a received line, None if it only acknowledges; raises ``AdapterLineError``."""
+        """The frame of a received line, None if it only acknowledges.
+
+        Raises ``FrameRefused`` if the adapter has not sent a frame, ``AdapterLineError`` if the line cannot be read.
+        """
         line, summed = without_check_sum(line.strip())
+        if line.startswith(b"ERR"):  # without a check sum of its own where that of the command was wrong
+            raise FrameRefused(f"a refusal of the adapter: {shown(line)}")
         if self._check_sums and not summed:
             raise AdapterLineError(f"a line without a check sum: {shown(line)}")
         if line == b"OK":

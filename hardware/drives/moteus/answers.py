@@ -1,7 +1,7 @@
 """The answers of one exchange: collected as they come, each put with its controller; lost and damaged ones told.
 
 An answer does not say to which exchange it belongs. But lines come in order, and the adapter acknowledges every frame
-that it sends: what comes before an acknowledgement of this exchange answers one before, and is left out.
+that it sends, or refuses to: what comes before an acknowledgement of this exchange answers one before, and is left out.
 """
 
 import time
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from hardware.drives.moteus.adapter import Adapter
 from hardware.drives.moteus.cycle import Controller, Told
-from hardware.drives.moteus.fdcanusb import AdapterLineError
+from hardware.drives.moteus.fdcanusb import AdapterLineError, FrameRefused
 from hardware.drives.moteus.frames import FrameError
 
 
@@ -39,12 +39,13 @@ class AnswerCollector:
     def __init__(self, adapter: Adapter, controllers: Sequence[Controller], patience: float) -> None:
         self._adapter, self._controllers, self._patience = adapter, controllers, patience
         self._places = {controller.device: place for place, controller in enumerate(controllers)}
-        self._unacknowledged = 0
+        self._unacknowledged = self._overdue = 0
         self.sent = self.came = time.monotonic()
 
     def expect(self) -> None:
         """A frame for each controller is sent now."""
         self.sent = time.monotonic()
+        self._overdue = self._unacknowledged
         self._unacknowledged += len(self._controllers)
 
     def collect(self) -> Answered:
@@ -59,6 +60,8 @@ class AnswerCollector:
             for line in lines:
                 missing -= self._put(line, told, damage)
             if not lines and time.monotonic() >= until:
+                if self._unacknowledged <= self._overdue:  # as many came as were sent: the others are lost, not late
+                    self._unacknowledged = 0
                 return Answered(told, damage)
         self._unacknowledged = 0
         return Answered(told, damage)
@@ -68,9 +71,11 @@ class AnswerCollector:
         try:
             frame = self._adapter.take(line)
         except AdapterLineError as error:
+            if isinstance(error, FrameRefused):
+                self._acknowledge()
             return self._damaged(str(error), told, damage)
         if frame is None:
-            self._unacknowledged = max(0, self._unacknowledged - 1)
+            self._acknowledge()
             return 0
         if self._unacknowledged >= len(self._controllers):
             return 0
@@ -82,6 +87,9 @@ class AnswerCollector:
         except FrameError as error:
             damage[place] = str(error)
         return 1
+
+    def _acknowledge(self) -> None:
+        self._unacknowledged = max(0, self._unacknowledged - 1)
 
     @staticmethod
     def _damaged(what: str, told: list[Told | None], damage: list[str | None]) -> int:

@@ -215,8 +215,10 @@ class MoteusServoBus:
                 joint = self._joints[part]
                 moved = None if told is None else joint.take(told, self._sent, answered, elapsed)
                 finding = finding or moved
-                if told is None:
+                if told is None and finding is None:
                     joint.coast(elapsed)
+                elif told is None:
+                    joint.lose(elapsed)
             if finding is not None:
                 self._fail(part + 1, finding)
         self._tick = self._clock.told(answered, lambda: periods_moved(*before, self._state[0], self.period))

@@ -16,6 +16,10 @@ class AdapterLineError(ValueError):
     """A line cannot be read; the message says what was wrong with it."""
 
 
+class FrameRefused(AdapterLineError):
+    """The adapter has not sent a frame; the message says what it said."""
+
+
 class CanFrame(NamedTuple):
     """A frame of the CAN bus."""
 

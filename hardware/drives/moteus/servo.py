@@ -96,6 +96,11 @@ class ServoJoint:
         self._unread += elapsed
         self.angle += self.velocity * elapsed
 
+    def lose(self, elapsed: float) -> None:
+        """It does not answer, and that is a fault: how fast it turns nobody knows, and it is not said to turn [s]."""
+        self._unread += elapsed
+        self.velocity = 0.0
+
     def take(self, told: Told, sent: float, answered: float, elapsed: float) -> DriveFinding | None:
         """Its answer, which came between two moments, so long after the exchange before [s]; what is wrong with it."""
         before, self.told = self.mode, told
