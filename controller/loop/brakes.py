@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from controller.protection.limits import Violation, check_drives
 from controller.protocol.causes import Cause
 from controller.protocol.states import Event, State
 from controller.settings import ControllerSettings
-from hardware.interfaces import DriveStatus, Measurement
+from hardware.interfaces import DriveStatus, DriveTrouble, Measurement, fault_of
 
 _ENABLED = int(DriveStatus.ENABLED)
+_BLIND: Final = (DriveTrouble.NO_REPLY, DriveTrouble.WRONG_REPLY)
+"""Troubles with which velocities that are told may be those of before."""
 
 
 class BrakeStep(NamedTuple):
@@ -93,7 +95,8 @@ class BrakeSequence:
             return BrakeStep(limp=True, event=Event.PARKED)
         if waited > self._settings.rest_ticks:
             self.finished = self.exhausted = True
-            return BrakeStep(limp=True, trouble=Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks)))
+            moving = Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks))
+            return BrakeStep(limp=True, trouble=_blind(int(measurement.status)) or moving)
         return BrakeStep(limp=True)
 
     def close(self, state: State, tick: int) -> bool:
@@ -117,3 +120,8 @@ class BrakeSequence:
 def _fastest(measurement: Measurement) -> float:
     """Speed of the fastest servomotor [rad/s]."""
     return max(abs(rate) for rate in measurement.velocity)
+
+
+def _blind(status: int) -> Violation | None:
+    """Why nobody can say whether the arm moves; None: its velocities are known."""
+    return check_drives(status) if status & DriveStatus.FAULT and fault_of(status)[1] in _BLIND else None

@@ -23,7 +23,7 @@ from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
 from controller.records.loop_statistics import LoopStatistics
 from controller.settings import ControllerSettings
-from hardware.interfaces import Command, DriveStatus, Measurement
+from hardware.interfaces import Command, DriveStatus, DriveTrouble, Measurement, status_of
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
@@ -926,6 +926,34 @@ def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
     assert rig.supervisor.brakes.finished
     assert rig.supervisor.brakes.exhausted
     assert "still moved at 0.300 rad/s after 2300 ticks on its brakes: check the brakes" in rig.sentence
+
+
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [
+        (DriveTrouble.NO_REPLY, "servomotor 1 does not answer"),
+        (DriveTrouble.WRONG_REPLY, "servomotor 1 sends answers that cannot be read"),
+        (DriveTrouble.TOO_HOT, "still moved at 3.000 rad/s after 2300 ticks on its brakes: check the brakes"),
+    ],
+)
+@pytest.mark.parametrize("lost", ["before", "meanwhile"])
+def test_velocities_that_nobody_knows_are_not_blamed_on_the_brakes(
+    rig: Rig, trouble: DriveTrouble, words: str, lost: str
+) -> None:
+    def turning(measurement: Measurement) -> Measurement:
+        return measurement._replace(status=measurement.status | status_of(1, trouble), velocity=(3.0, 0.0, 0.0))
+
+    rig.boot()
+    if lost == "before":
+        rig.doctor = turning
+        rig.bus.push = np.array([0.0, 0.1, 0.0])  # next to nothing: plant time goes on
+        rig.run(20)
+        assert rig.state is State.FAULT
+    rig.supervisor.machine.retire()
+    rig.doctor = turning
+    rig.run(2400)
+    assert rig.supervisor.brakes.exhausted
+    assert words in rig.sentence
 
 
 # --------------------------------------------------------------------------------------------- parking and taking over
