@@ -76,6 +76,8 @@ def keep_campaign(folder: Path, wanted: KeptCampaign) -> KeptCampaign:
     """
     with recording(folder):
         folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / CAMPAIGN_FILE).exists():
+        _require_empty(folder)  # before anything is left in somebody else's
     with one_at_a_time(folder):
         if not (folder / CAMPAIGN_FILE).exists():
             _require_empty(folder)
@@ -99,7 +101,7 @@ def one_at_a_time(folder: Path) -> Iterator[None]:
 
 def _require_empty(folder: Path) -> None:
     strange = next((path.name for path in sorted(folder.iterdir()) if path.name != _LOCK), None)
-    if strange is not None:
+    if strange is not None and not (folder / CAMPAIGN_FILE).exists():  # another program may just have begun it
         raise CampaignFolderError(f"{folder} holds {strange}, and no campaign: choose another folder with --out")
 
 

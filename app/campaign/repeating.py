@@ -37,6 +37,8 @@ class Repetition(Frozen):
     """What the environment has otherwise, a phrase each."""
     other_cpu: bool = False
     """It was played on another kind of processor, whose last bits may be others."""
+    unfilmed: bool = False
+    """A film was asked for, and it ended before there was anything to draw."""
 
     @property
     def holds(self) -> bool:
@@ -59,6 +61,8 @@ class Repetition(Frozen):
                 "not the same to the last bit, as it cannot be: lost datagrams, killed programs and hands before a "
                 f"moving arm are met by wall time; it differs in {', '.join(self.different)}"
             )
+        if self.unfilmed:
+            yield "there is no film: it ended before there was anything to draw"
         if self.before is not None and self.environment:
             yield f"the environment is another one: {'; '.join(self.environment)}"
         if self.different and self.other_cpu:
@@ -105,14 +109,15 @@ def repeat_seed(folder: Path, seed: int, output: Path, film: bool, drawn: Callab
         workers.stop()
         raise
     workers.shutdown()
-    if film:
-        positions = output / GAME / TRAJECTORY_FILE
+    positions = output / GAME / TRAJECTORY_FILE
+    filmed = film and positions.is_file()
+    if filmed:
         draw_film(FilmWish(positions=positions, output=default_output(output / GAME, "film")), drawn)
     return Repetition(
         folder=output, before=None if before is None else before.game, now=now.game,
         different=() if before is None else _different(before, now),
         environment=kept.environment.differences(here),
-        other_cpu=before is not None and before.game.cpu not in (None, now.game.cpu),
+        other_cpu=before is not None and before.game.cpu not in (None, now.game.cpu), unfilmed=film and not filmed,
     )  # fmt: skip
 
 

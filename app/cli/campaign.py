@@ -83,6 +83,8 @@ def _run(spec: CampaignSpec, wish: CampaignWish) -> CampaignSummary:
         with CampaignProgress(Console(stderr=True)) as shown:
             return run_campaign(spec, wish, shown)
     except KeyboardInterrupt:
+        if not (wish.folder / wish.shard.ledger).exists():
+            fail("interrupted before anything was played; nothing is still running", 130)
         fail(f"interrupted; what was played is in {wish.folder}, and the same command goes on", 130)
 
 

@@ -144,6 +144,26 @@ def test_mistakes_are_answered_in_a_sentence(arguments: list[str], said: str) ->
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_interrupted_campaign_says_where_what_was_played_is_if_anything_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begun: bool
+) -> None:
+    file, folder = tmp_path / "tiny.toml", tmp_path / "campaign"
+    file.write_text(FILE, encoding="utf-8")
+
+    def interrupted(*_: object) -> None:
+        if begun:
+            folder.mkdir()
+            (folder / WHOLE.ledger).touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.campaign.running.run_campaign", interrupted)
+    done = CliRunner().invoke(command_line, ["campaign", str(file), "--games", "2", "--out", str(folder)])
+    assert done.exit_code == 130
+    assert (f"what was played is in {folder}" in done.stderr) is begun
+    assert ("before anything was played" in done.stderr) is not begun
+
+
 def test_a_game_that_cannot_be_kept_is_the_machines_trouble_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -195,6 +195,7 @@ def test_a_folder_holds_one_campaign_which_may_grow(tmp_path: Path) -> None:
     (strange / "thesis.tex").touch()
     with pytest.raises(CampaignFolderError, match=r"holds thesis.tex, and no campaign"):
         run(strange, games=1, workers=1)
+    assert [path.name for path in strange.iterdir()] == ["thesis.tex"], "nothing is left there"
 
 
 @pytest.mark.parametrize(

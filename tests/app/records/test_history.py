@@ -109,7 +109,7 @@ def test_what_is_no_game_is_said(tmp_path: Path) -> None:
 
 def test_a_game_that_is_being_played_is_left_alone(tmp_path: Path) -> None:
     table = Table(tmp_path / "game").play("e4")
-    with pytest.raises(RecordError, match="is being written by a running game: end that program first"):
+    with pytest.raises(RecordError, match="is being written by another program: wait for it, or end it"):
         GameRecord.go_on(table.folder, read_history(table.log, TABLE))
     table.play("e5")
     table.record.close()
