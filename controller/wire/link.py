@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import secrets
 import select
 import threading
@@ -159,7 +160,9 @@ class Link:
                 except TimeoutError:
                     self._refused |= self._unsent
                     continue
-                except ConnectionRefusedError:  # is told before what lies unread, such as a controller's last words
+                except OSError as error:  # is told before what lies unread, such as a controller's last words
+                    if error.errno == errno.EBADF:
+                        raise
                     self._refused |= not self._unread()
                     continue
                 self._receive(memoryview(buffer)[:size])

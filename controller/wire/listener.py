@@ -6,6 +6,7 @@ It can stop the arm, whatever the program that moves it is doing, and command no
 from __future__ import annotations
 
 import contextlib
+import errno
 import secrets
 import socket
 import threading
@@ -159,7 +160,9 @@ class TelemetryWatch:
                     size = end.recv_into(buffer)
                 except TimeoutError:
                     continue
-                except ConnectionRefusedError:
+                except OSError as error:
+                    if error.errno == errno.EBADF:
+                        raise
                     time.sleep(REPEAT)
                     continue
                 if self._receive(memoryview(buffer)[:size]):
