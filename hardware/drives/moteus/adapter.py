@@ -9,8 +9,8 @@ from typing import Final
 from hardware.drives.moteus import frames
 from hardware.drives.moteus.fdcanusb import (
     AdapterLineError,
+    AdapterRefusal,
     CanFrame,
-    FrameRefused,
     parse_frame,
     send_line,
     shown,
@@ -44,11 +44,11 @@ class Adapter:
     def take(self, line: bytes) -> CanFrame | None:
         """The frame of a received line, None if it only acknowledges.
 
-        Raises ``FrameRefused`` if the adapter has not sent a frame, ``AdapterLineError`` if the line cannot be read.
+        Raises ``AdapterRefusal`` if the adapter has not sent a frame, ``AdapterLineError`` if the line cannot be read.
         """
         line, summed = without_check_sum(line.strip())
         if line.startswith(b"ERR"):  # without a check sum of its own where that of the command was wrong
-            raise FrameRefused(f"a refusal of the adapter: {shown(line)}")
+            raise AdapterRefusal(f"a refusal of the adapter: {shown(line)}")
         if self._check_sums and not summed:
             raise AdapterLineError(f"a line without a check sum: {shown(line)}")
         if line == b"OK":

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from hardware.drives.moteus.adapter import Adapter
 from hardware.drives.moteus.cycle import Controller, Told
-from hardware.drives.moteus.fdcanusb import AdapterLineError, FrameRefused
+from hardware.drives.moteus.fdcanusb import AdapterLineError, AdapterRefusal
 from hardware.drives.moteus.frames import FrameError
 
 
@@ -71,7 +71,7 @@ class AnswerCollector:
         try:
             frame = self._adapter.take(line)
         except AdapterLineError as error:
-            if isinstance(error, FrameRefused):
+            if isinstance(error, AdapterRefusal):
                 self._acknowledge()
             return self._damaged(str(error), told, damage)
         if frame is None:

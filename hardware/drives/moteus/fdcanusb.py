@@ -16,7 +16,7 @@ class AdapterLineError(ValueError):
     """A line cannot be read; the message says what was wrong with it."""
 
 
-class FrameRefused(AdapterLineError):
+class AdapterRefusal(AdapterLineError):
     """The adapter has not sent a frame; the message says what it said."""
 
 

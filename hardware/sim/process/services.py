@@ -12,7 +12,10 @@ from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.pacing import SpeedMeter
 
 SILENCE = 2.0
-"""A controller that says nothing for so long, in wall time, is lost [s]."""
+"""A controller that says nothing for so long, in wall time, is lost [s] …"""
+LOCKSTEP_SILENCE = 35.0
+"""… and in pace fast after so long, where plant time waits for it: it may be waiting for a program that is held up, for
+30 s, and is to be the one that tells of it. One that is gone is known by its closed socket, at once."""
 PREPARING: Final = 20.0
 """Until its first command it may take so long, while it prepares itself and the brakes hold [s, wall]."""
 NEVER: Final = 1 << 62
@@ -36,6 +39,7 @@ class DriveService(Service):
         self._receiver: wire.Receiver | None = None
         self._linger = linger
         self._patience = first
+        self._silence = LOCKSTEP_SILENCE if facts["lockstep"] else SILENCE
         self._heard = time.monotonic()
 
     def welcome(self, visitor: Visitor) -> dict[str, Any]:
@@ -49,7 +53,7 @@ class DriveService(Service):
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``. Whoever sends anything but commands cannot be trusted with the drives."""
-        self._heard, self._patience = time.monotonic(), SILENCE
+        self._heard, self._patience = time.monotonic(), self._silence
         if message == wire.GOODBYE:
             self.goodbye = True
             return

@@ -53,7 +53,7 @@ LONG = 300.0
 """A world that several tests share waits so long for the next one that uses it [s, wall]."""
 PATIENTLY = """
 import hardware.sim.process.services as services
-services.SILENCE = {}
+services.SILENCE = services.LOCKSTEP_SILENCE = {}
 from app.cli import main
 main()
 """
@@ -70,12 +70,12 @@ def settings_for(**changes: object) -> WorldSettings:
 
 def world_command(run_dir: Path, *, patient: bool = True) -> list[str]:
     """How a world is started; a patient one bears it when a test is held up between two exchanges."""
-    begin = ["-c", PATIENTLY.format("10.0")] if patient else ["-m", "app.cli"]
-    return [sys.executable, "-P", *begin, "world", "--run-dir", str(run_dir)]
+    begin = PATIENTLY.format(10.0 if patient else SILENCE)
+    return [sys.executable, "-P", "-c", begin, "world", "--run-dir", str(run_dir)]
 
 
 class WorldProcess:
-    """A world as the app starts it, but patient unless it is to be as it is."""
+    """A world as the app starts it, but patient unless it is not to be."""
 
     def __init__(
         self, run_dir: Path, settings: WorldSettings, environment: dict[str, str], *, patient: bool = True
@@ -140,7 +140,7 @@ def world(start: Start) -> WorldProcess:
 
 @pytest.fixture(scope="module")
 def impatient(start: Start) -> WorldProcess:
-    """One that waits for a silent controller no longer than it does outside of tests."""
+    """One that waits for a silent controller no longer than one in pace real does outside of tests."""
     return start(patient=False)
 
 
