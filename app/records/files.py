@@ -269,9 +269,7 @@ class LineLog:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             self.close()
-            raise RecordError(
-                f"{self.path} is being written by another program: wait for it, or end it"
-            ) from error
+            raise RecordError(f"{self.path} is being written by another program: wait for it, or end it") from error
 
     def _mend(self, content: bytes) -> None:
         """Take back a last line that was cut short or garbled, or end one that is whole but for its end."""
