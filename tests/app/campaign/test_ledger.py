@@ -72,7 +72,7 @@ def test_two_programs_cannot_write_it(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     with Ledger(path) as ledger:
         ledger.add(result(0))
-        with pytest.raises(RecordError, match="end that program first"):
+        with pytest.raises(RecordError, match="is being written by another program"):
             Ledger(path)
 
 
