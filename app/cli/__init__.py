@@ -7,7 +7,7 @@ import gc
 import os
 import sys
 
-from app.cli.ending import INTERRUPTED, heard, take_interrupts
+from app.cli.ending import INTERRUPTED, heard, outlive_terminals, take_interrupts
 
 
 def main() -> None:
@@ -20,6 +20,7 @@ def main() -> None:
     from here. Several threads wait for each other, and where the processors are busy they wait for long.
     """
     take_interrupts()  # before anything is loaded or started that an interrupt must end
+    outlive_terminals()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     atexit.register(gc.freeze)
     try:

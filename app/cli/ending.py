@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import signal
 import sys
@@ -11,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol, TextIO
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -105,7 +106,7 @@ class _Interrupts:
 
     def __init__(self) -> None:
         self._held_since: float | None = None
-        self._terminals = [number for number in range(3) if os.isatty(number)]
+        self._terminals = [number for number in range(3) if os.isatty(number)]  # of standard input, output and errors
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handler: raises ``KeyboardInterrupt``, where that is heard.
@@ -113,7 +114,7 @@ class _Interrupts:
         Not in an import: compiled libraries, and classes that are being made, turn it into errors of their own.
         """
         if number == signal.SIGHUP:
-            self._leave_terminals()
+            self.leave_terminals()
         running = {one.f_code for one in _callers(frame)}
         swallowed = _repeat_swallowed.__code__ in running  # on a busy machine it may not be over yet: lost there, too
         importing = any(code.co_filename in _IMPORTS for code in running)
@@ -122,7 +123,7 @@ class _Interrupts:
         else:
             raise KeyboardInterrupt
 
-    def _leave_terminals(self) -> None:
+    def leave_terminals(self) -> None:
         """What is said to a terminal that is gone is said to nobody: that must not fail while the arm comes to rest."""
         gone = [number for number in self._terminals if not os.isatty(number)]
         if gone:
@@ -159,6 +160,35 @@ def take_interrupts() -> dict[int, Handler]:
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
     return {number: signal.signal(number, interrupt) for number in numbers}
+
+
+class _Terminal(io.FileIO):
+    """Output to a terminal, which may go at any time: what is said from then on is said to nobody.
+
+    Linux closes a terminal to its programs first and tells them of it then: on a busy machine, and in a thread that is
+    not the one which hears signals, a line may well meet the first without the second.
+    """
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno != errno.EIO or self.isatty():
+                raise
+            interrupt.leave_terminals()
+            return len(data)
+
+
+def outlive_terminals() -> None:
+    """Let no line that is written to a terminal after its end fail; whether the program ends, SIGHUP decides."""
+    sys.stdout, sys.stderr = _outliving(sys.stdout), _outliving(sys.stderr)
+
+
+def _outliving(stream: TextIO) -> TextIO:
+    if stream is None or not stream.isatty():
+        return stream
+    terminal = io.BufferedWriter(_Terminal(stream.fileno(), "w", closefd=False))
+    return io.TextIOWrapper(terminal, stream.encoding, stream.errors, line_buffering=True)
 
 
 def _repeat_swallowed(what: sys.UnraisableHookArgs) -> None:

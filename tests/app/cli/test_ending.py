@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -115,6 +116,34 @@ def test_who_wants_to_outlive_the_terminal_does() -> None:
         "signal.signal(signal.SIGHUP, signal.SIG_IGN)\ntake_interrupts()\nos.kill(os.getpid(), signal.SIGHUP)\n"
     )
     assert subprocess.run([sys.executable, "-P", "-c", program], check=False).returncode == 0
+
+
+def said_to_a_terminal_that_is_gone(program: str) -> int:
+    """The status of a program that says something when the terminal is gone and SIGHUP is yet to come."""
+    ours, theirs = pty.openpty()
+    whole = (
+        "import sys\nfrom app.cli.ending import outlive_terminals, take_interrupts\n"
+        f"take_interrupts()\noutlive_terminals()\n{program}"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", whole], stdin=subprocess.PIPE, stdout=theirs, stderr=theirs, start_new_session=True
+    ) as process:
+        os.close(theirs)
+        assert os.read(ours, 1) == b"."
+        os.close(ours)
+        process.communicate(b"\n", PATIENCE)
+    return process.returncode
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_what_is_said_to_a_terminal_that_is_gone_does_not_fail(stream: str) -> None:
+    """Nor where it is said before the program is told that the terminal is gone."""
+    program = (
+        "print('.', end='', flush=True)\nsys.stdin.readline()\n"
+        f"for _ in range(3): print('x' * 10_000, file=sys.{stream}, flush=True)\n"
+        "print('is a terminal' if sys.stdout.isatty() else 'is none')\nsys.exit(7)"
+    )
+    assert said_to_a_terminal_that_is_gone(program) == 7
 
 
 class Written(pydantic.BaseModel):
