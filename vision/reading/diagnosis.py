@@ -162,8 +162,11 @@ def _moved(at: _Difference) -> Diagnosis | None:
 
 def _castled(at: _Difference) -> Diagnosis | None:
     """King and rook moved as in castling where that is not allowed."""
-    rank = 0 if at.board.turn else 7
+    rank, kings = 0 if at.board.turn else 7, at.board.pieces(chess.KING, at.board.turn)
+    rooks = at.board.pieces(chess.ROOK, at.board.turn)
     for san, king, rook in (("O-O", 6, (7, 5)), ("O-O-O", 2, (0, 3))):
+        if chess.square(4, rank) not in kings or chess.square(rook[0], rank) not in rooks:
+            continue
         states = states_of(codes_of(at.board))
         for start, end in ((4, king), rook):
             states[chess.square(end, rank)] = states[chess.square(start, rank)]

@@ -66,6 +66,30 @@ def test_the_commonest_cases(line, changes, situation, squares, words):
     assert words in finding.sentence
 
 
+@pytest.mark.parametrize(
+    ("fen", "change", "words"),
+    [
+        (
+            "r3k3/8/8/8/8/8/8/K6R w - - 0 1",
+            "h1f1",
+            "the white rook from h1 must not go to f1, the king would be in check",
+        ),
+        ("r7/8/8/8/8/8/8/K6N w - - 0 1", "h1f1", "the white knight from h1 must not go to f1"),
+        (
+            "k6r/8/8/8/8/8/8/R3K3 b - - 0 1",
+            "h8f8",
+            "the black rook from h8 must not go to f8, the king would be in check",
+        ),
+    ],
+)
+def test_who_moves_a_rook_that_must_not_is_told_nothing_of_castling(fen, change, words):
+    board = chess.Board(fen)
+    finding = explain(after(board, change), board)
+    assert finding.situation is Situation.ILLEGAL
+    assert words in finding.sentence
+    assert "O-O" not in finding.sentence
+
+
 def test_a_board_swept_off_is_to_be_set_up_again():
     finding = explain(np.zeros(64, dtype=np.intp), chess.Board())
     assert finding.situation is Situation.WRONG_BOARD
