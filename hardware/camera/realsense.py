@@ -149,6 +149,11 @@ class RealSenseCamera:
         except HardwareError:
             _stop(pipeline)
             raise
+        except RuntimeError as error:  # librealsense's own: the device went, or was not ready yet
+            _stop(pipeline)
+            raise HardwareError(
+                f"RealSense {self._serial} does not take its settings ({error}): plug it in again"
+            ) from error
         return pipeline
 
 
@@ -212,8 +217,15 @@ def _set(sensor: Any, option: Any, value: float) -> None:
 
 
 def _serials(context: Any) -> list[str]:
-    number = rs.camera_info.serial_number
-    return [device.get_info(number) for device in context.query_devices() if device.supports(number)]
+    """Of the devices that are there; one that goes or comes at this very moment is not."""
+    number, found = rs.camera_info.serial_number, list[str]()
+    try:
+        for device in context.query_devices():
+            if device.supports(number):
+                found.append(device.get_info(number))
+    except RuntimeError:  # librealsense met a device that it could not ask
+        return found
+    return found
 
 
 def _stop(pipeline: Any) -> None:

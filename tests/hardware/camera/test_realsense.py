@@ -69,6 +69,47 @@ def test_a_pulled_camera_is_named_and_used_again_once_it_is_plugged_in(device: S
         assert after > before
 
 
+@pytest.mark.parametrize("where", ["asked for", "set up"])
+def test_a_camera_that_fails_while_it_comes_back_is_tried_again(
+    device: SoftwareRealSense, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """librealsense has errors of its own for a device that is about to come or go."""
+    failed: list[str] = []
+
+    def fail_once(good: Any) -> Any:
+        def asked(*arguments: Any) -> Any:
+            if not failed:
+                failed.append(where)
+                raise RuntimeError("failed to set power state")
+            return good(*arguments)
+
+        return asked
+
+    with closing(RealSenseCamera(RealSenseSettings(), WallClock(), device.plugs)) as camera:
+        until_read(camera)
+        if where == "asked for":
+            monkeypatch.setattr(device.plugs, "query_devices", fail_once(device.plugs.query_devices))
+        else:
+            monkeypatch.setattr("hardware.camera.realsense.apply_options", fail_once(apply_options))
+        device.pull()
+        with pytest.raises(NoRealSense):
+            read_on(camera)
+        device.plug()
+        assert until_read(camera).depth is not None
+        assert failed == [where]
+
+
+def test_settings_that_librealsense_cannot_set_are_told(
+    device: SoftwareRealSense, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: Any) -> None:
+        raise RuntimeError("xioctl failed")
+
+    monkeypatch.setattr("hardware.camera.realsense.apply_options", fails)
+    with pytest.raises(HardwareError, match=r"8899 does not take its settings \(xioctl failed\): plug it in again"):
+        RealSenseCamera(RealSenseSettings(), WallClock(), device.plugs)
+
+
 def test_a_camera_that_sends_nothing_is_refused(device: SoftwareRealSense, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hardware.camera.realsense.FIRST_FRAME", 0.3)
     device.sending.clear()
