@@ -27,7 +27,7 @@ from hardware.interfaces import Frame, Intrinsics
 from hardware.piece_set import Colour, Kind, Look
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.board.moved import Anchor
-from vision.board.view import BoardView, playing_area
+from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.boxes import holds_more
 from vision.pieces.centres import piece_centres
 from vision.pieces.lying_or_standing import MisplacedPiece
@@ -368,12 +368,20 @@ class GameObserver(FreshFrames):
                 "the board cannot be found in the camera's picture: clear the view of its edges and squares"
             )
         if check.moved:
-            self._hold(frame, BoardView.from_corners(frame.intrinsics, check.corners, self._table))
+            try:
+                view = BoardView.from_corners(frame.intrinsics, check.corners, self._table)
+            except BoardNotFound as error:
+                raise CannotSee(f"camera or board have moved: {error}") from error
+            self._hold(frame, view)
 
     def _hold(self, frame: Frame, view: BoardView) -> None:
+        try:
+            anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
+        except BoardNotFound as error:
+            raise CannotSee(f"the camera does not see the board: {error}") from error
         self.view = view
         """Where the board is in the pictures."""
         self._likeness = {}
         if self._guard is not None:
             self._guard.look(view)
-        self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
+        self._anchor = anchor
