@@ -150,7 +150,14 @@ def calibrate_rig(
         )
     plane = find_plane(frame, pose, setup.table, factor)
     corners = None if find_corners is None else find_corners(frame, nominal_view(pose, setup.table))
-    place = board_place(pose, setup.table, corners, plane)
+    try:
+        place = board_place(pose, setup.table, corners, plane)
+    except BoardNotFound as error:
+        why, _, _ = str(error).partition(":")
+        raise CalibrationFailed(
+            f"what the camera shows of the board is not a square's picture ({why}): correct a webcam's focal or "
+            "field_of_view_deg in the rig file, or use a camera whose lens distorts less"
+        ) from error
     board = None if place is None else CalibratedBoard.of(place, by_corners=corners is not None)
     calibration = _summary(pose, setup.table, factor, board, made)
     _require_good(calibration)

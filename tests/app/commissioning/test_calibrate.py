@@ -6,6 +6,8 @@ import json
 import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,9 +15,10 @@ from typer.testing import CliRunner
 
 from app.cli.commands import app
 from app.commissioning.calibrate import calibrate_rig, corners_near
-from app.commissioning.marker_survey import Setup
+from app.commissioning.marker_survey import MarkerObservation, Setup, showing_points
 from app.measure.bench.vision.calibration import square_errors
 from app.motion import MotionSettings
+from app.rig.devices import Rig
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.rig.simulation.sim import SimRig
@@ -28,13 +31,15 @@ from app.settings.calibration import (
     load_calibration,
     write_calibration,
 )
-from hardware.interfaces import Intrinsics, Pace
+from hardware.interfaces import Frame, Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.table_studio import true_camera
 from hardware.sim.render.settings import CameraSettings, MountSettings
 from hardware.table import TableSettings
+from vision.board.view import playing_area
 from vision.camera.calibration import CalibrationFailed
+from vision.camera.marker import SeenMarker
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)
@@ -117,6 +122,41 @@ def test_without_a_marker_nothing_starts() -> None:
 def test_a_rig_that_is_not_there_ends_with_status_2() -> None:
     result = CliRunner().invoke(app, ["calibrate", "--rig", "nowhere.toml"])
     assert result.exit_code == 2
+
+
+def calibrated(monkeypatch: pytest.MonkeyPatch, believed: float) -> Calibration:
+    """By a camera of 925 px of focal length that is believed to have another one, as points and corners show it."""
+    setup, half = Setup(TABLE, load_parameters(), MotionSettings()), 0.5**0.5
+    axes = np.array([[-1.0, 0.0, 0.0], [0.0, -half, half], [0.0, half, half]])
+
+    def seen(points: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        there = (points - (0.0, -0.46, 0.03)) @ axes.T
+        return np.asarray(there[:, :2] / there[:, 2:] * 925.0 + (639.5, 359.5))
+
+    points = np.array(showing_points(setup)) + setup.marker.centre
+    shown = [
+        MarkerObservation(point, SeenMarker(pixel, np.zeros((4, 2))), 0.0)
+        for point, pixel in zip(points, seen(points), strict=True)
+    ]
+    picture = np.zeros((720, 1280, 3), np.uint8)
+    frame = Frame(picture, None, Intrinsics(1280, 720, believed, believed, 639.5, 359.5), 1.0)
+    monkeypatch.setattr("app.commissioning.calibrate.show", lambda *_: shown)
+    monkeypatch.setattr("app.commissioning.calibrate.fresh_frame", lambda *_: frame)
+    corners = seen(TABLE.base_from_board(playing_area(TABLE)))
+    rig = cast(Rig, SimpleNamespace(camera=object()))
+    return calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC), lambda *_: corners).calibration
+
+
+def test_a_webcam_is_calibrated_if_its_focal_length_is_about_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = calibrated(monkeypatch, 1.02 * 925.0).board
+    assert board is not None
+    assert board.by_corners
+
+
+@pytest.mark.parametrize("share", [1.1, 1.3, 0.8])
+def test_a_webcam_whose_focal_length_is_wrong_is_told_so(monkeypatch: pytest.MonkeyPatch, share: float) -> None:
+    with pytest.raises(CalibrationFailed, match=r"px from .* correct a webcam's focal or field_of_view_deg"):
+        calibrated(monkeypatch, share * 925.0)
 
 
 @pytest.mark.slow
