@@ -133,7 +133,9 @@ def judge_tracking(followed: Followed, height: float, force: float) -> list[Find
     )  # fmt: skip
     judge.judge(
         "board", f"touched {1e3 * height:+.1f} mm from its believed height, {1e3 * HEIGHT:.0f} mm allowed",
-        abs(height) <= HEIGHT, "correct centre_in_base of [table] by this, downwards positive, then repeat this step",
+        abs(height) <= HEIGHT,
+        f"add {-height:+.4f} to the third number of centre_in_base in [table], which counts downwards [m], then repeat "
+        "this step",
     )  # fmt: skip
     judge.judge(
         "touch", f"{force:.1f} N at most, {TOUCH_FORCE:.0f} N allowed", force <= TOUCH_FORCE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,18 @@ def test_tracking_board_and_touch_have_a_bar_each() -> None:
     assert wrong(judge_tracking(replace(good, worst=0.0011), 0.001, 5.0)) == ["arm tracking"]
     assert wrong(judge_tracking(good, -0.0031, 5.0)) == ["arm board"]
     assert wrong(judge_tracking(good, 0.0, 14.0)) == ["arm touch"]
+
+
+@pytest.mark.parametrize("height", [0.0052, -0.0104])
+def test_what_is_said_of_a_board_that_lies_higher_or_lower_puts_it_right(height: float) -> None:
+    """Where the pads touched, in a table as it is believed and in one as it was told to be corrected."""
+    touched = TABLE.base_from_board(np.array([0.0, 0.0, height]))
+    advice = judge_tracking(Followed(0.0004, 0.0001, 4.0), height, 5.0)[1].advice
+    found = re.match(r"add ([+-]\d\.\d+) to the third number of centre_in_base", advice)
+    assert found is not None
+    x, y, z = TABLE.centre_in_base
+    corrected = TABLE.model_copy(update={"centre_in_base": (x, y, z + float(found[1]))})
+    assert corrected.board_from_base(touched)[2] == pytest.approx(0.0, abs=1e-4)
 
 
 def test_of_a_record_the_stiff_ticks_of_these_motions_count() -> None:
