@@ -36,7 +36,6 @@ from vision.pieces.placement_faults import Examination, Fault, FaultKind, examin
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.reading.appearance import BLACK, WHITE
 from vision.reading.diagnosis import explain
-from vision.reading.evidence import codes_of
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
@@ -149,7 +148,7 @@ class GameObserver(FreshFrames):
         look = self._known.look(sight_of_frame(frame, self.view))
         sentence = " and ".join(fault.sentence for fault in faults)
         self._publish(ReadingOutcome.DOUBT, sentence, (fault.square for fault in faults), look)
-        states = look.evidence.read(codes_of(self._known.board))
+        states = look.evidence.read(self._known.pictured)
         for square in examined.likeness.keys() - self._wrong:  # a piece's outline says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         for place, (colour, _) in self._told.items():
@@ -308,7 +307,7 @@ class GameObserver(FreshFrames):
     def _read(self, frame: Frame) -> Reading:
         look = self._known.look(sight_of_frame(frame, self.view))
         decision = self._known.decide(look)
-        known = codes_of(self._known.board)
+        known = self._known.pictured  # what ``board`` had before a move that nobody has looked at since
         states, altered = look.evidence.read(known), look.evidence.altered(known)
         finding = explain(states, self._known.board, altered, decision.move, look.evidence.unsure(known))
         if self._shows_known is not None:
@@ -321,7 +320,7 @@ class GameObserver(FreshFrames):
 
     def _publish(self, outcome: ReadingOutcome, text: str, squares: Iterable[int], look: Observation) -> None:
         """Show what the newest frame came to, to whom it concerns."""
-        likelihood = look.evidence.likelihood(codes_of(self._known.board))
+        likelihood = look.evidence.likelihood(self._known.pictured)
         self._show(look_shown(self.last, self.view, outcome, text, squares, likelihood))
 
     def answered(self, reply: AwaitedReply) -> bool:

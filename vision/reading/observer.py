@@ -76,6 +76,11 @@ class Observer:
         return self._kinds.promoted(decision, None if look.solids is None else look.solids.top)
 
     @property
+    def pictured(self) -> Codes:
+        """The pieces in the picture that looks are compared with: of the last position that a look has shown."""
+        return self._codes_before
+
+    @property
     def heights(self) -> dict[int, float]:
         """How high each kind of ``chess.PIECE_TYPES`` looks to this camera [m], as far as they were seen."""
         return self._kinds.heights()
