@@ -10,7 +10,7 @@ from app.records.files import write_atomically
 from app.rig.rig_file import load_rig
 from app.settings.toml import toml_value
 
-_LINE: Final = re.compile(r"^parameters\s*=.*$", re.MULTILINE)
+_LINE: Final = re.compile(r"""^[ \t]*(?:parameters|"parameters"|'parameters')[ \t]*=.*$""", re.MULTILINE)
 _SECTION: Final = re.compile(r"^\s*\[", re.MULTILINE)
 
 

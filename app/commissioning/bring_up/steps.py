@@ -178,7 +178,7 @@ class CommissionReport(Frozen):
 
     rig: str
     holds: bool
-    """No step of this run failed; of ``--status``: all steps held."""
+    """No step stands as failed; some may be to be done."""
     steps: tuple[StepLine, ...]
     findings: tuple[Finding, ...]
     """Of the last step that was done."""

@@ -177,6 +177,8 @@ def test_a_table_says_what_to_do(lab: Path, bench: Bench) -> None:
         ("[controller]\nport = 1\n", 'parameters = "new.toml"\n[controller]\nport = 1\n'),
         ('# mine\nparameters = "old.toml" # so\n[x]\n', '# mine\nparameters = "new.toml"\n[x]\n'),
         ("[x]\nparameters = 1\n", 'parameters = "new.toml"\n[x]\nparameters = 1\n'),
+        ('  parameters = "old.toml"\n[drives]\n', 'parameters = "new.toml"\n[drives]\n'),
+        ('"parameters" = "old.toml"\n', 'parameters = "new.toml"\n'),
     ],
 )
 def test_one_line_of_a_rig_file_changes(before: str, after: str) -> None:
