@@ -57,7 +57,7 @@ class DeviceReader(Generic[_T]):
             if self._value is None or self.closing.is_set():
                 raise CameraClosed
             if self._trouble is not None:
-                raise self._trouble
+                raise self._trouble.with_traceback(None)  # else it keeps all who were told before, and what they hold
             return self._value
 
     def end(self) -> None:
