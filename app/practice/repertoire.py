@@ -74,7 +74,7 @@ def _gather(game: chess.pgn.Game, moves: dict[str, dict[chess.Move, None]]) -> N
         if lines:
             known = moves.setdefault(board.epd(), {})
             known.update(dict.fromkeys(following.move for following in lines))
-        for following in lines:
+        for following in reversed(lines):  # the main one comes next, before what branches off from it
             after = board.copy(stack=False)
             after.push(following.move)
             todo.append((after, following))

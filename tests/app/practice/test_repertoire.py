@@ -41,6 +41,14 @@ def test_variations_and_transpositions_count(repertoire: Repertoire) -> None:
     assert repertoire.moves(after("d4")) == ()
 
 
+def test_the_main_line_s_move_comes_first_though_a_variation_transposes_into_it(tmp_path: Path) -> None:
+    path = tmp_path / "rep.pgn"
+    path.write_text("1. e4 (1. d4 e6 2. e4 c5) 1... e6 2. d4 d5 3. Nc3 (3. e5 c5 4. c3) 3... Nf6 *\n")
+    found = load_repertoire(path)
+    assert [move.uci() for move in found.moves(after("e4", "e6", "d4"))] == ["d7d5", "c7c5"]
+    assert RepertoirePlayer(found, 1, Other()).hint(after("d4", "e6", "e4")).move == chess.Move.from_uci("d7d5")
+
+
 def test_the_robot_plays_it_by_seed_and_then_the_other_goes_on(repertoire: Repertoire) -> None:
     played = {RepertoirePlayer(repertoire, seed, Other()).choose(after("e4")).move for seed in range(12)}
     assert {move.uci() for move in played if move is not None} == {"e7e5", "c7c5"}
