@@ -59,11 +59,11 @@ class RealSenseCamera:
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
-        newest = self._reader.newest()
-        age = time.time() - newest.exposed
-        if age > max_age:
-            raise StaleFrame(age, max_age)
         with self._making:  # who plays and who watches for hands read in threads of their own
+            newest = self._reader.newest()
+            age = time.time() - newest.exposed
+            if age > max_age:
+                raise StaleFrame(age, max_age)
             if self._made is None or self._made[0] is not newest:
                 stamp = self._clock.now() - max(age, 0.0)
                 if self._made is not None:

@@ -1,5 +1,6 @@
 """Recorded frames played as a camera: by their stamps as time passes, or one at each read."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -38,6 +39,7 @@ class RecordedCamera:
         self._recording = recording
         self._clock = clock
         self._count = 0
+        self._reading = threading.Lock()
         self._open = True
         first = recording.next()
         if first is None:
@@ -49,6 +51,10 @@ class RecordedCamera:
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``; behind its end a recording has no frames, or only old ones."""
+        with self._reading:  # who plays and who watches for hands read in threads of their own
+            return self._read(max_age)
+
+    def _read(self, max_age: float) -> Frame:
         if not self._open:
             raise CameraClosed
         if self._clock is None:
@@ -63,9 +69,10 @@ class RecordedCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        if self._open:
-            self._open = False
-            self._recording.close()
+        with self._reading:
+            if self._open:
+                self._open = False
+                self._recording.close()
 
     def _step(self) -> Frame:
         if self._more is None:

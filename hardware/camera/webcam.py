@@ -1,6 +1,7 @@
 """A plain webcam through OpenCV: colour alone, no depth."""
 
 import math
+import threading
 import time
 from pathlib import Path
 from typing import Final
@@ -29,6 +30,7 @@ class WebcamCamera:
     def __init__(self, settings: WebcamSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
+        self._reading = threading.Lock()
         self._last = -math.inf
         self._stamped: float | None = None
         self._capture = self._open()
@@ -40,19 +42,21 @@ class WebcamCamera:
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. A picture's age counts from when the computer got it."""
-        picture, arrived = self._reader.newest()
-        age = time.monotonic() - arrived
-        if age > max_age:
-            raise StaleFrame(age, max_age)
-        if self._stamped != arrived:
-            self._last, self._stamped = max(self._last, self._clock.now() - age), arrived
+        with self._reading:  # who plays and who watches for hands read in threads of their own
+            picture, arrived = self._reader.newest()
+            age = time.monotonic() - arrived
+            if age > max_age:
+                raise StaleFrame(age, max_age)
+            if self._stamped != arrived:
+                self._last, self._stamped = max(self._last, self._clock.now() - age), arrived
+            stamp = self._last
         if picture.shape[:2] != (self.intrinsics.height, self.intrinsics.width):
             raise HardwareError(
                 f"the webcam's pictures are {picture.shape[1]}x{picture.shape[0]} now, they were "
                 f"{self.intrinsics.width}x{self.intrinsics.height}: start the program again"
             )
         colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-        return Frame(colour, None, self.intrinsics, self._last)
+        return Frame(colour, None, self.intrinsics, stamp)
 
     def close(self) -> None:
         """See ``Camera.close``."""
