@@ -82,6 +82,7 @@ class HandGuard:
         self._requests = list[_Request]()
         self._came, self._departures = False, 0
         self._gone_at: float | None = None
+        self._blind_since: float | None = None
         self._holding = holding
         self._trouble: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
@@ -263,6 +264,7 @@ class HandGuard:
 
     def _take(self, frame: Frame | DepthFrame) -> None:
         seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
+        self._require_sight(seen)
         with self._news:
             ask = seen.hand_present and not self._holding
             self._holding = self._holding or ask
@@ -285,6 +287,15 @@ class HandGuard:
             self._count += 1
             self._serve()
             self._news.notify_all()
+
+    def _require_sight(self, seen: Seen) -> None:
+        """Raises ``HardwareError`` where frames have shown nothing of the board for so long as none may be missing."""
+        self._blind_since = (self._blind_since or seen.stamp) if seen.blind else None
+        if self._blind_since is not None and seen.stamp - self._blind_since > FRAME_AGE:
+            raise HardwareError(
+                "its depth shows nothing of the board: take away what covers it or is close to it, and check that its "
+                "emitter is on"
+            )
 
     def _give_up(self, error: Exception) -> None:
         """Nobody watches any more: the arm must not move over the board."""

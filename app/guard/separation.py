@@ -98,6 +98,7 @@ class Separation:
             ControllerError: the controller does not answer.
         """
         self.frames += 1
-        if not (seen.hand_present or seen.hand_area > 0.0 or nearest_beyond(seen.away, self._table) < self.reach):
+        somebody = seen.hand_present or seen.hand_area > 0.0 or seen.blind
+        if not (somebody or nearest_beyond(seen.away, self._table) < self.reach):
             self.admitted += 1
             self._holder.admit_speed(self._speed, seen.stamp + self._lasts, self._borders)

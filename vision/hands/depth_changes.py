@@ -97,6 +97,14 @@ class Heights:
         before = bool(over or chosen[parts[space.board]].any())
         return Relief(float(areas[chosen].sum()), over, low, before, 0.0, away)
 
+    def shown(self, depth: Field, hidden: Mask | None) -> float:
+        """Of the pixels in which board and pieces are to be seen, but for what is hidden, the share that has depth; 1
+        where all is hidden.
+        """
+        where = self._space.board & ~self._mask(hidden)
+        count = np.count_nonzero(where)
+        return np.count_nonzero(where & (depth > 0.0)) / count if count else 1.0
+
     def _leave_out_beyond(self, depth: Field, found: Picture, mask: Picture) -> Array:
         """Points of what was found beyond what is watched; pixels of it are taken out of ``found`` and ``mask``."""
         space, rows, columns = self._space, *np.nonzero(found)

@@ -28,6 +28,9 @@ _T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0  # a board whose lightest parts are darker is not seen: a camera that starts, a lamp that is out
+_SHOWN: Final = 0.2
+"""Of a board of which less has depth nothing is seen: something covers the camera, or is too near to it (measured in
+guarded games: at least 0.97)."""
 STABLE_TIME = 0.1  # players of a quick game leave the board alone for hardly longer between two moves [s]
 
 
@@ -76,6 +79,7 @@ class Seen:
     away: Array = field(default_factory=lambda: NOWHERE, compare=False)
     """Points of what stands high, or higher than usual, beyond board and trays, (n, 3), board frame [m]; with depth
     alone."""
+    blind: bool = False  # depth shows next to nothing of the board, so that a hand may be there all the same
 
 
 @dataclass(slots=True)
@@ -225,7 +229,8 @@ class _Senses:
         moving = self._moves(colours, relief)
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
-        free = not over_board and (
+        blind = distance is not None and self._heights is not None and self._heights.shown(distance, covered) < _SHOWN
+        free = not (over_board or blind) and (
             small is None or float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) >= _DARK
         )
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
@@ -234,7 +239,7 @@ class _Senses:
         self._track.free = free
         self._learn(small, distance, covered, still=not moving and relief is None)
         track, away = self._track, NOWHERE if relief is None else relief.away
-        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched, away)
+        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched, away, blind)
 
     def _moves(self, colours: ColourObservation | None, relief: Relief | None) -> bool:
         if colours is not None:

@@ -194,6 +194,23 @@ def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller
         _ = guard.seen
 
 
+def test_a_camera_that_is_covered_is_one_that_does_not_see(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    """Something right before it has no depth, and hides the board: a hand might be there unseen."""
+    frames.put(FREE, 12)
+    frames.put(np.zeros_like(FREE), 20)
+    frames.put(FREE, 12)
+    frames.put(np.zeros_like(FREE), 28)
+    until(lambda: frames.waiting.empty() and guard.seen is not None and guard.seen.stamp > 71.5 / 30.0)
+    assert controller.asked == [], "not for a moment"
+    frames.put(np.zeros_like(FREE), 4)
+    until(lambda: guard.blind)
+    assert controller.asked == ["hold"]
+    with pytest.raises(Blind, match="its depth shows nothing of the board: take away what covers it"):
+        guard.clear()
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.parametrize("release_fails", [False, True])
 def test_a_guard_that_breaks_makes_the_arm_hold_first(frames: Frames, release_fails: bool) -> None:

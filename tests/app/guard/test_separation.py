@@ -39,10 +39,13 @@ class Holder:
         self.admitted.append((speed, until, planes))
 
 
-def seen(stamp: float = 1.0, area: float = 0.0, *, hand: bool = False, away: Any = NOWHERE) -> Seen:
+def seen(
+    stamp: float = 1.0, area: float = 0.0, *, hand: bool = False, away: Any = NOWHERE, blind: bool = False
+) -> Seen:
     return Seen(
-        stamp, hand, area, frozenset(), moving=False, stable_since=0.0, settled=True, touched=frozenset(), away=away
-    )
+        stamp, hand, area, frozenset(), moving=False, stable_since=0.0, settled=True, touched=frozenset(), away=away,
+        blind=blind,
+    )  # fmt: skip
 
 
 @given(
@@ -98,6 +101,7 @@ def test_each_frame_that_shows_nobody_admits_speed_for_as_long_as_the_next_may_t
 
 @pytest.mark.parametrize("shown", [
     seen(hand=True), seen(area=0.1), seen(away=np.array([[0.0, -0.25, 0.1]])), seen(away=np.array([[-0.4, 0.0, 0.2]])),
+    seen(blind=True),
 ])  # fmt: skip
 def test_whatever_may_be_a_person_near_the_table_admits_nothing(shown: Seen) -> None:
     holder = Holder()

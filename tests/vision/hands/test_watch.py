@@ -203,6 +203,28 @@ def test_darkness_is_not_a_settled_board(watch: Watch | ColourWatch) -> None:
 # ------------------------------------------------------------------------------------------------------------- depth
 
 
+@pytest.mark.parametrize("bare", [True, False])
+def test_a_board_of_which_depth_shows_nothing_is_not_settled(bare: bool) -> None:
+    """A hand before the lens is too near to have depth: what is behind it nobody sees."""
+    scene, watch = Scene(), Watch()
+
+    def look(depth: NDArray[np.float32]) -> Seen:
+        frame = scene.frame(scene.picture(), depth)
+        return watch.update(DepthFrame(depth, PINHOLE, frame.stamp) if bare else frame, VIEW)
+
+    for _ in range(16):
+        seen = look(scene.depth())
+    assert (seen.settled, seen.blind) == (True, False)
+    covered = np.zeros((480, 640), np.float32)
+    covered[:, :60] = 0.5
+    for _ in range(16):
+        seen = look(covered)
+        assert (seen.settled, seen.stable_since, seen.blind) == (False, None, True)
+    for _ in range(16):
+        seen = look(scene.depth())
+    assert (seen.settled, seen.blind) == (True, False)
+
+
 def test_with_depth_a_hand_is_known_from_the_first_picture_on_and_only_where_it_is() -> None:
     scene, watch = Scene(), Watch()
     hand = [watch.update(scene.frame(scene.picture(), scene.depth((0.06, 0.02, 0.10))), VIEW) for _ in range(2)]
