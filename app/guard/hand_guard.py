@@ -62,9 +62,9 @@ class HandGuard:
     """Watches in a thread of its own from ``start`` to ``close``. A context manager.
 
     ``frames`` are of the board's camera, ``view`` and ``masks`` say where board and arm are in them. ``holder`` is
-    asked to hold; ``separation`` admits speed to the arm where nobody is near (None: nobody does). ``progress`` is told
-    when a hand comes and goes; ``listener`` is called with each frame and what was seen in it, in the guard's thread.
-    ``holding``: a guard before this one has asked to hold, and that is in force.
+    asked to hold; ``separation`` admits speed to the arm where depth shows nobody near (None: nobody does).
+    ``progress`` is told when a hand comes and goes; ``listener`` is called with each frame and what was seen in it, in
+    the guard's thread. ``holding``: a guard before this one has asked to hold, and that is in force.
     """
 
     def __init__(
@@ -279,7 +279,7 @@ class HandGuard:
             self._holder.ask_to_hold()
             self.stops.append(GuardStop(frame.stamp, seen.over))
             self._say("a hand is over the board: the arm holds")
-        elif self._separation is not None:
+        elif self._separation is not None and frame.depth is not None:  # colour shows nobody beyond the board's rim
             self._separation.judge(seen)
         if self._listener is not None:
             self._listener(frame, seen)

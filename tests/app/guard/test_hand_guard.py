@@ -15,11 +15,13 @@ from app.game.person import HandNotice
 from app.guard.arm_silhouette import ArmHistory, ArmMasks
 from app.guard.game_guard import GameGuard
 from app.guard.hand_guard import Blind, HandGuard
+from app.guard.separation import Separation
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 from tests.waiting import PATIENCE, until
+from vision.hands.hand_and_motion import Seen
 
 PINHOLE = Intrinsics(320, 240, 308.0, 308.0, 159.5, 119.5)
 VIEW = nominal_view(PINHOLE, TableSettings())
@@ -192,6 +194,27 @@ def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller
     assert frames.released == 1
     with pytest.raises(Blind):
         _ = guard.seen
+
+
+class Judge(Separation):
+    """Notes which frames were judged."""
+
+    def __init__(self) -> None:
+        self.stamps: list[float] = []
+
+    def judge(self, seen: Seen) -> None:
+        self.stamps.append(seen.stamp)
+
+
+@pytest.mark.parametrize("deep", [True, False])
+def test_speed_is_admitted_by_depth_alone(frames: Frames, controller: Controller, deep: bool) -> None:
+    """In colour only the board and its rim are watched: whoever is a hand's breadth from it is in no frame."""
+    judge = Judge()
+    with HandGuard(frames, VIEW, Masks(), controller, separation=judge) as guard:
+        for number in range(1, 7):
+            frames.waiting.put(Frame(COLOUR.copy(), FREE.copy() if deep else None, PINHOLE, number / 30.0))
+        until(lambda: guard.last_stamp == 6 / 30.0)
+    assert judge.stamps == ([number / 30.0 for number in range(1, 7)] if deep else [])
 
 
 def test_a_camera_that_is_covered_is_one_that_does_not_see(
