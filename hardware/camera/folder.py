@@ -60,6 +60,12 @@ class FolderRecorder:
 
     def write(self, frame: Frame) -> None:
         """Add a frame; raises ``HardwareError`` if it is of another camera than the first one, or the disk is full."""
+        try:
+            self._write(frame)
+        except OSError as error:
+            raise HardwareError(f"{self._folder} cannot be written: {error.strerror}") from error
+
+    def _write(self, frame: Frame) -> None:
         if self._intrinsics is None:
             self._intrinsics = frame.intrinsics
             camera = _CameraFile(intrinsics=_Pinhole(**asdict(frame.intrinsics)), depth_unit=DEPTH_UNIT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import closing
 from pathlib import Path
 
@@ -121,3 +122,10 @@ def test_what_is_no_recording_is_named(tmp_path: Path) -> None:
     (tmp_path / "good" / FRAMES_FILE).write_text("", encoding="utf-8")
     with pytest.raises(HardwareError, match="the recording holds no frames"):
         RecordedCamera(FolderRecording(tmp_path / "good"), None)
+
+
+def test_a_folder_that_cannot_be_written_any_more_is_told(tmp_path: Path) -> None:
+    with closing(FolderRecorder(tmp_path / "gone")) as recorder:
+        shutil.rmtree(tmp_path / "gone")
+        with pytest.raises(HardwareError, match="gone cannot be written: No such file or directory"):
+            recorder.write(made_up_frame(1, 1.0))
