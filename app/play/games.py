@@ -64,6 +64,11 @@ class GameSeries:
         self._board = first_board(settings)
         self._line = None if game.moves is None else given_line(game.moves, self._board)
 
+    @property
+    def settings(self) -> Settings:
+        """With what a person has wished since."""
+        return self._settings
+
     def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
         """See ``Fixtures``."""
         again = last is not None and (last.again or self._wanted(number, last))
@@ -186,6 +191,17 @@ def wished(settings: Settings, wish: NewGame) -> Settings:
     plays_white = wish.person if wish.person is not None else settings.white.player is PlayerKind.HUMAN
     white, black = (person, robot) if plays_white else (robot, person)
     return settings.model_copy(update={"white": white, "black": black, "clock": clock, "game": game})
+
+
+def from_found(settings: Settings, board: chess.Board, person: chess.Color | None) -> Settings:
+    """The settings of games from a position that was found on the board, which nothing else is to begin: neither odds
+    nor a puzzle. ``person`` has that colour against the robot; None: as before.
+    """
+    if person is not None and not settings.two_people:
+        settings = wished(settings, NewGame(person=person))
+    game = settings.game.model_copy(update={"fen": board.fen(), "from_board": False, "moves": None})
+    practice = settings.practice.model_copy(update={"odds": None, "puzzles": None})
+    return settings.model_copy(update={"game": game, "practice": practice})
 
 
 def _follow(

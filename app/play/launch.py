@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -19,8 +18,8 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
 from app.play.game_setup import Opener, RigSetup, rig_setup_of, start_board
-from app.play.games import GameSeries, first_board
-from app.play.match import Match, Start, last_round, match_of
+from app.play.games import GameSeries, first_board, from_found
+from app.play.match import Match, Start, last_round, match_of, next_number
 from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
@@ -69,7 +68,7 @@ def run_games(
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
-            return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
+            return _play_from_board(settings, rig_setup, folder, ui, human, stack, new=True)
         shown = show_session(settings, rig_setup, folder, human, ui, start_fen(settings))
         games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
@@ -80,7 +79,7 @@ def run_games(
         return run_session(
             folder,
             opening_rig(rig_setup, rig, ui, shown, stack, new=True),
-            _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
+            _keepable(settings, rig_setup, folder, ui, stack, human, match, games), rig_setup.parameters.drive.tick,
             filming_of(rig_setup, folder), ui,
             session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
@@ -126,7 +125,7 @@ def resume_games(
         return run_session(
             folder,
             opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, stack, new=False),
-            _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
+            _keepable(settings, rig_setup, folder, ui, stack, human, match, games), rig_setup.parameters.drive.tick,
             None, ui, session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
@@ -155,62 +154,63 @@ def resume_from_board(
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     with ExitStack() as stack:
         human = human_of(settings, rig_setup, folder, lines, stack)
-        return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=last_round(folder)[1] + 1)
+        return _play_from_board(settings, rig_setup, folder, ui, human, stack, new=False)
 
 
 def _play_from_board(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human | None, stack: ExitStack, *,
-    number: int,
+    new: bool,
 ) -> SessionResult:  # fmt: skip
-    """Ask what stands on the board, and play from there; a number above 1: in a world that is there already."""
+    """Ask what stands on the board, and play from there; not ``new``: in a world that is there already."""
     if human is None:
         raise UserError("--from-board is for games against a person, who says whose move it is: use 'touchmove play'")
     if not rig_setup.sees:
         raise UserError("--from-board needs a camera, and this rig has none: give the position with --fen")
     _require_players(settings, rig_setup, ui, human, folder)
-    if number == 1:
+    if new:
         make_folder(folder)
     else:
         keep_settings(folder, settings)  # the engines may be others than before
-    standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
+    standing = start_board(settings.game.standing, option="--standing") if new else None
     rig = rig_setup.rig(folder, standing, person_side(settings) or settings.rig.person)
     shown = show_session(settings, rig_setup, folder, human, ui)
     return run_session(
         folder,
-        opening_rig(rig_setup, rig, ui, shown, stack, new=number == 1),
-        _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
+        opening_rig(rig_setup, rig, ui, shown, stack, new=new),
+        _from_board(settings, rig_setup, folder, ui, human, stack), rig_setup.parameters.drive.tick, None, ui,
         session_vision(settings, rig_setup, human, ui),
     )  # fmt: skip
 
 
 def _from_board(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human, stack: ExitStack,
-    number: int, match: Match | None = None,
+    match: Match | None = None, games: GameSeries | None = None,
 ) -> FromBoard:  # fmt: skip
-    """Games from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
-    numbers = itertools.count(number)
+    """Games from what stands on the board; after a match of ``games``, where a person keeps that."""
 
     def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
-        number = next(numbers)
-        found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
-        games = GameSeries(found, rig_setup, ui, human, folder, begun=number)
-        made = stack.enter_context(_match(found, rig_setup, games, folder, ui, human.lines))
-        made.start(lambda _: inventory, None, number, now)
-        if number == 1:
-            keep_settings(folder, found)
-        return made
+        nonlocal match, games
+        before, person = settings if games is None else games.settings, None if match is None else match.person
+        found, number = from_found(before, board, person), next_number(folder)
+        games = GameSeries(
+            found, rig_setup, ui, replace(human, colour=person_side(found) is Colour.WHITE), folder, begun=number
+        )  # fmt: skip
+        match = stack.enter_context(_match(found, rig_setup, games, folder, ui, human.lines))
+        match.start(lambda _: inventory, None, number, now)
+        keep_settings(folder, found)
+        return match
 
     return FromBoard(human, ui, table_setup_of(settings, rig_setup, human, human.lines), rig_setup.table, begin, match)
 
 
 def _keepable(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, stack: ExitStack, human: Human | None,
-    match: Match, number: int,
+    match: Match, games: GameSeries,
 ) -> Schedule:  # fmt: skip
     """A match that a person may leave for a game from what stands on the board, where somebody sees that."""
     if human is None or not rig_setup.sees:
         return match
-    return _from_board(settings, rig_setup, folder, ui, human, stack, number + 1, match)
+    return _from_board(settings, rig_setup, folder, ui, human, stack, match, games)
 
 
 def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human, folder: Path) -> None:

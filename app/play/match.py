@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -121,6 +122,7 @@ class Match:
         self._fixture: Fixture | None = None
         self._chosen: Players | None = None
         self._opponent: RemoteOpponent | None = None
+        self._sides: Callable[[], chess.Color | None] = lambda: None
 
     def __enter__(self) -> Match:
         return self
@@ -132,6 +134,11 @@ class Match:
     def dismiss(self) -> None:
         """Nobody thinks any more."""
         self._players.close()
+
+    @property
+    def person(self) -> chess.Color | None:
+        """The colour that the person at the board has in the present game; None: nobody plays there, or none began."""
+        return self._sides()
 
     def start(
         self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None, number: int = 1, at: float = 0.0
@@ -239,6 +246,7 @@ class Match:
         human, side = self._fixture.human, persons_side(record.events)
         if human is not None and side is not None:
             human = replace(human, colour=side is Colour.WHITE)
+        self._sides = partial(_side_of, human, record)
         if human is not None and human.hands is not None:
             human = replace(human, hands=SettledHands(human.hands, devices.arm))
         told = () if self._opponent is None else (self._opponent.mending,)
@@ -309,6 +317,12 @@ def _set_up_left(left: GameLeft) -> GameEnd:
     return KEPT if left.word is Word.KEEP else LEFT
 
 
+def _side_of(human: Human | None, record: GameRecord) -> chess.Color | None:
+    """The colour that a person has at last in a game that they began with one."""
+    side = persons_side(record.events)
+    return None if human is None else human.colour if side is None else side is Colour.WHITE
+
+
 def match_of(folder: Path) -> Path:
     """The folder of a match, which may itself be named, or one of its rounds'."""
     own = folder.resolve()
@@ -318,6 +332,20 @@ def match_of(folder: Path) -> Path:
 
 def last_round(folder: Path) -> tuple[Path, int, bool]:
     """The last round of a match that was left: folder, number of the game that it is or is for, whether it sets up."""
+    rounds = _rounds(folder)
+    if not rounds:
+        return folder, 1, False
+    number, is_game, path = max(rounds)
+    return path, number, not is_game
+
+
+def next_number(folder: Path) -> int:
+    """The number of a game that is begun in a match's folder after all that lie there."""
+    return max((number for number, _, _ in _rounds(folder)), default=0) + 1
+
+
+def _rounds(folder: Path) -> list[tuple[int, bool, Path]]:
+    """Of each round in a folder the number of its game, whether it is that, and where it lies."""
     rounds = []
     for path in folder.iterdir() if folder.is_dir() else ():
         name = _NAME.fullmatch(path.name)
@@ -325,7 +353,4 @@ def last_round(folder: Path) -> tuple[Path, int, bool]:
             rounds.append((int(name[2]), name[1] == "game", path))
     if (folder / EVENTS_FILE).exists():
         rounds.append((1, True, folder))  # comes after its own setting up
-    if not rounds:
-        return folder, 1, False
-    number, is_game, path = max(rounds)
-    return path, number, not is_game
+    return rounds
