@@ -181,7 +181,7 @@ def wished(settings: Settings, wish: NewGame) -> Settings:
     if person.player is not PlayerKind.HUMAN:
         person, robot = robot, person
     if wish.elo is not None:
-        robot = robot.model_copy(update={"elo": wish.elo or None})
+        robot = robot.model_copy(update={"elo": wish.elo or None, "skill": None})
     clock, game = settings.clock, settings.game
     if wish.clock is not None:
         clock = clock.model_copy(update={"time": wish.clock or None})

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
+import pydantic
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from app.motion import Profile
@@ -231,6 +232,12 @@ class SideSection(_Section):
     time: str | None = None
     """Time control of this side, if it differs from the clock's."""
 
+    @pydantic.model_validator(mode="after")
+    def _one_strength(self) -> Self:
+        if self.elo is not None and self.skill is not None:
+            raise ValueError("elo and skill both set the strength: leave one of them out")
+        return self
+
 
 class ClockSection(_Section):
     """``[clock]``."""
@@ -380,14 +387,7 @@ class Settings(_Section):
         return self.white if white else self.black
 
     def with_changes(self, changes: Mapping[str, Any]) -> Settings:
-        """The tree with some fields changed.
-
-        Args:
-            changes: by dotted name such as ``rig.pace``; one that is None changes nothing.
-
-        Raises:
-            pydantic.ValidationError: a value is impossible.
-        """
+        """With other values by dotted name, such as ``rig.pace``; None: as it is. Raises ``ValidationError``."""
         tree = self.model_dump()
         for name, value in changes.items():
             if value is None:

@@ -36,12 +36,16 @@ def settings_of(changes: Mapping[str, Any], file: Path | None = None) -> Setting
         ConfigError: the file cannot be read, a field does not exist, or a value is impossible.
     """
     base = Settings() if file is None else load_settings(file)
+    for side in ("white", "black"):
+        if changes.get(f"{side}.elo") is not None:  # in place of the other way to say how strong it is
+            base = base.model_copy(update={side: getattr(base, side).model_copy(update={"skill": None})})
     try:
         return base.with_changes(changes)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         named = option_of(".".join(str(part) for part in first["loc"]))
-        raise ConfigError(f"{named} is '{first['input']}': {demand(first)}") from error
+        value = "" if isinstance(first["input"], Mapping) else f" is '{first['input']}'"
+        raise ConfigError(f"{named}{value}: {demand(first)}") from error
 
 
 def load_settings(path: Path) -> Settings:

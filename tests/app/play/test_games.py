@@ -88,6 +88,15 @@ def test_the_last_wish_holds_and_the_rest_stays(first: NewGame, second: NewGame,
         assert (new.rig, new.engine, new.vision) == (old.rig, old.engine, old.vision)
 
 
+@pytest.mark.parametrize(("elo", "strength"), [(1500, (1500, None)), (0, (None, None)), (None, (None, 5))])
+def test_the_strength_that_is_wished_takes_the_place_of_a_skill(
+    elo: int | None, strength: tuple[int | None, int | None]
+) -> None:
+    before = settings_of({"white.player": "human", "black.skill": 5})
+    robot = wished(before, NewGame(elo=elo)).black
+    assert (robot.elo, robot.skill) == strength
+
+
 class Told(UserInterface):
     def __init__(self) -> None:
         self.said: list[str] = []

@@ -69,3 +69,15 @@ def test_an_option_counts_for_more_than_the_file_and_the_file_for_more_than_a_de
     assert (kept.game.moves, kept.game.plies, kept.rig.seed) == ("d4 d5", 1, 7)
     shown = CliRunner().invoke(app, ["config", str(file)])
     assert 'moves = "e4 e5"' in shown.output
+
+
+def test_a_side_has_one_strength_and_the_one_that_is_said_last(tmp_path: Path) -> None:
+    both = written(tmp_path, "[black]\nelo = 1500\nskill = 5\n")
+    with pytest.raises(ConfigError, match=r"black: elo and skill both set the strength: leave one of them out$"):
+        load_settings(both)
+    with pytest.raises(ConfigError, match=r"^black: elo and skill both set the strength: leave one of them out$"):
+        settings_of({"black.elo": 1500, "black.skill": 5})
+    skilled = written(tmp_path, "[black]\nskill = 5\n")
+    assert settings_of({}, skilled).black.skill == 5
+    chosen = settings_of({"black.elo": 1500}, skilled).black  # as by 'play --elo'
+    assert (chosen.elo, chosen.skill) == (1500, None)
