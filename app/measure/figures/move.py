@@ -42,7 +42,12 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
         board = chess.Board(fen) if fen is not None else chess.Board()
     except ValueError as error:
         raise UserError(f"--fen is not a position: {error}") from error
-    (chosen,) = parse_line(move, board)[:1]
+    line = parse_line(move, board)
+    if len(line) != 1:
+        raise UserError(
+            f"'{move}' is {'no move' if not line else 'a line of moves'}: give one move, such as e4 or e2e4"
+        )
+    (chosen,) = line
     plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):
         progress(f"planning {board.san(chosen)}, {profile.value}")

@@ -67,6 +67,12 @@ def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("move", "what"), [("", "no move"), ("1.", "no move"), ("e4 e5", "a line of moves")])
+def test_the_figure_of_a_move_shows_one_move(move: str, what: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=f"^'{move}' is {what}: give one move, such as e4 or e2e4$"):
+        make_figure("move", tmp_path, print, move)
+
+
 @pytest.mark.parametrize(("value", "status"), [(1.0, 0), (3.0, 1)])
 def test_the_command_prints_one_object_and_says_by_its_status_whether_it_holds(
     value: float, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
