@@ -7,7 +7,7 @@ import chess.engine
 
 from engine.errors import EngineRefused
 from engine.levels import STRONGEST, WEAKEST
-from engine.settings import EngineSettings, OptionValue
+from engine.settings import HASH_MB, THREADS, EngineSettings, OptionValue
 
 _BY_SETTING = {
     "threads": "threads",
@@ -25,12 +25,13 @@ def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Co
     """Options to set; raises ``EngineRefused`` if an option is not offered, or not with that value: says what is."""
     wanted: Configuration = {}
     if settings.threads > 1 or "Threads" in uci.options:
-        wanted["Threads"] = _within(uci, "Threads", settings.threads)
+        wanted["Threads"] = _within(uci, "Threads", settings.threads, unless=THREADS)
     if "Hash" in uci.options:  # an engine without the option has a fixed table, or none
-        wanted["Hash"] = _within(uci, "Hash", settings.hash_mb)
+        wanted["Hash"] = _within(uci, "Hash", settings.hash_mb, unless=HASH_MB)
     if settings.elo is not None and not plays_below(settings, uci):
         wanted["UCI_Elo"] = settings.elo
-        wanted["UCI_LimitStrength"] = True
+        if "UCI_LimitStrength" in uci.options:  # some engines have the other one alone
+            wanted["UCI_LimitStrength"] = True
     if settings.skill is not None:
         wanted["Skill Level"] = _within(uci, "Skill Level", settings.skill)
     for name, value in settings.options.items():
@@ -62,6 +63,8 @@ def at_full_strength(uci: chess.engine.UciProtocol) -> Configuration:
     lifted: Configuration = {}
     if "UCI_LimitStrength" in uci.options:
         lifted["UCI_LimitStrength"] = False
+    elif "UCI_Elo" in uci.options and (most := uci.options["UCI_Elo"].max) is not None:
+        lifted["UCI_Elo"] = most
     if "Skill Level" in uci.options and (most := uci.options["Skill Level"].max) is not None:
         lifted["Skill Level"] = most
     return lifted
@@ -125,12 +128,14 @@ def _check_press(uci: chess.engine.UciProtocol, name: str, value: OptionValue) -
         raise EngineRefused(f"{name} of {_name(uci)} is a button, not {value!r}: give it true to press it at the start")
 
 
-def _within(uci: chess.engine.UciProtocol, name: str, value: int) -> int:
-    """The value, if the engine offers the option with it."""
+def _within(uci: chess.engine.UciProtocol, name: str, value: int, *, unless: int | None = None) -> int:
+    """The value, if the engine offers the option with it; of ``unless``, which nobody has asked for, the nearest."""
     option = uci.options.get(name)
     if option is None:
         raise EngineRefused(f"{_name(uci)} does not offer {name}, so that {value} cannot be set: leave it out")
     low, high = option.min, option.max
+    if value == unless:
+        value = max(value if low is None else low, min(value, value if high is None else high))
     if (low is not None and value < low) or (high is not None and value > high):
         raise EngineRefused(
             f"{name} = {value} is outside what {_name(uci)} offers: choose {low} to {high}, or leave it out"

@@ -100,6 +100,30 @@ def test_a_hint_is_at_full_strength_and_the_next_move_is_not(fake: Callable[...,
     assert told == [on, "go nodes 5", off, "go nodes 5", on, "go nodes 5"]
 
 
+@pytest.mark.parametrize(("low", "high", "set_to"), [(1, 1024, None), (32, 1024, 32), (1, 8, 8)])
+def test_a_table_that_nobody_asked_for_is_as_near_as_the_engine_has_it(
+    fake: Callable[..., Any], low: int, high: int, set_to: int | None
+) -> None:
+    offers = f"""
+say("option name Hash type spin default {max(low, min(16, high))} min {low} max {high}")
+say("uciok")
+"""
+    told = [line for line in opened(fake, on_uci=offers) if line.startswith("Hash")]
+    assert set(told) <= {f"Hash value {set_to}"}
+    with pytest.raises(EngineRefused, match=f"^Hash = 2000 is outside what this engine offers: choose {low} to {high}"):
+        opened(fake, on_uci=offers, hash_mb=2000)
+
+
+def test_an_engine_with_an_elo_alone_plays_by_it_and_hints_at_its_highest(fake: Callable[..., Any]) -> None:
+    made = fake(on_uci='say("option name UCI_Elo type spin default 2000 min 1400 max 2400"); say("uciok")')
+    with Engine(EngineSettings(path=made.path, nodes=5, elo=1600)) as engine:
+        engine.choose(chess.Board())
+        engine.hint(chess.Board())
+        engine.choose(chess.Board())
+    told = [line.removeprefix("setoption name ") for line in made.heard if "Elo" in line or "go" in line[:2]]
+    assert told == [f"UCI_Elo value {elo}" if elo else "go nodes 5" for elo in (1600, 0, 2400, 0, 1600, 0)]
+
+
 def test_limits_by_a_clock() -> None:
     clock = chess.engine.Limit(white_clock=60.0, black_clock=50.0, white_inc=1.0, black_inc=2.0, remaining_moves=9)
     assert EngineSettings().limit_by(clock) == clock
