@@ -1,14 +1,14 @@
 """What engines answer; and the best moves of a position by an engine that names only one at a time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import chess
 import chess.engine
 
-Search = Callable[[chess.Board, int], chess.engine.PlayResult]
-"""Searches a position by so many nodes; its answer was not checked to be legal where the score is what counts."""
+Search = Callable[[chess.Board, chess.engine.Limit], chess.engine.PlayResult]
+"""Searches a position by nodes or by time; its answer was not checked to be legal where the score is what counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +52,24 @@ def engine_move(played: chess.engine.PlayResult, wall: float, lost: float, troub
     return EngineMove(played.move, played.ponder, score, depth, nodes, wall, pv, lost, troubles)
 
 
-def searched_alone(search: Search, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
+def searched_alone(
+    search: Search, board: chess.Board, lines: int, limit: chess.engine.Limit
+) -> tuple[Candidate, ...]:  # fmt: skip
     """The best moves of a position that is no end of a game, at most ``lines``, best first: each searched alone.
 
-    ``nodes`` are for all moves together. From an engine that tells no score only its own move comes, as an even one.
+    ``limit`` is for all moves together, by nodes or by time. From an engine that tells no score only its own move
+    comes, as an even one.
     """
     moves = list(board.legal_moves)
+    nodes = None if limit.nodes is None else max(1, limit.nodes // len(moves))
+    each = replace(limit, time=None if limit.time is None else limit.time / len(moves), nodes=nodes)
     found = list[Candidate]()
     for move in moves:
         after = board.copy()
         after.push(move)
-        score = _ended(after) or search(after, max(1, nodes // len(moves))).info.get("score")
+        score = _ended(after) or search(after, each).info.get("score")
         if score is None:
-            own = search(board, nodes).move
+            own = search(board, limit).move
             return () if own is None else (Candidate(own, _even(board.turn)),)
         found.append(Candidate(move, chess.engine.PovScore(score.pov(board.turn), board.turn)))
     found.sort(key=lambda candidate: candidate.score.relative, reverse=True)  # moves of one score keep their order

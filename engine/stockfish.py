@@ -33,7 +33,9 @@ PAUSES: Final = (0.0, 0.2, 1.0)
 MOST_HANGS: Final = 2
 """Attempts at one question that may end by a deadline: each costs its whole time."""
 ALONE = 0.25
-"""A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then."""
+"""A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then …"""
+ALONE_SLOWEST: Final = 20_000.0
+"""… or, of many nodes, after as long as they take at this rate, at which an engine searches in any case [1/s]."""
 
 
 class _Ahead(NamedTuple):
@@ -211,7 +213,7 @@ class Engine:
         lines = min(lines, board.legal_moves.count())
         offered = process.uci.options.get("MultiPV")
         if lines > 1 and offered is None:
-            found = self._ranked_alone(process, board, lines, limit.nodes or levels.NODES)
+            found = self._ranked_alone(process, board, lines, limit)
         else:
             most = lines if offered is None or offered.max is None else min(lines, offered.max)
             stop = budget.stop_after(limit, board.turn)
@@ -242,16 +244,19 @@ class Engine:
             raise Misbehaved(f"it named {drawn.move}, which is not legal in {board.fen()}")
         return chess.engine.PlayResult(drawn.move, None, {"score": drawn.score, "pv": list(drawn.pv)})
 
-    def _ranked_alone(self, process: UciProcess, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
+    def _ranked_alone(
+        self, process: UciProcess, board: chess.Board, lines: int, limit: chess.engine.Limit
+    ) -> tuple[Candidate, ...]:
         game = object()
 
-        def search(position: chess.Board, most: int) -> chess.engine.PlayResult:
-            limit = chess.engine.Limit(nodes=most)
+        def search(position: chess.Board, part: chess.engine.Limit) -> chess.engine.PlayResult:
+            stop = max(ALONE, (part.nodes or 0) / ALONE_SLOWEST) if part.time is None else part.time
             return process.call(
-                lambda uci: uci.watched(uci.play(position, limit, game=game, info=TOLD), ALONE), self.settings.deadline
+                lambda uci: uci.watched(uci.play(position, part, game=game, info=TOLD), stop),
+                stop + self.settings.deadline,
             )
 
-        return searched_alone(search, board, lines, nodes)
+        return searched_alone(search, board, lines, limit)
 
     def _check_question(self, board: chess.Board, limit: chess.engine.Limit) -> None:
         if not any(board.legal_moves):

@@ -136,6 +136,15 @@ def test_an_engine_without_multipv_searches_each_move_alone(fake: Callable[..., 
     assert {line for line in made.heard if line.startswith("go")} == {f"go nodes {700 // board.legal_moves.count()}"}
 
 
+def test_an_analysis_by_time_without_multipv_gives_each_move_its_share(fake: Callable[..., Any]) -> None:
+    made = plain(fake)
+    board = chess.Board("k7/8/8/3p1r2/4P3/8/8/K7 w - - 0 1")
+    with opening_engine(EngineSettings(path=made.path)) as engine:
+        engine.analyse(board, 2, chess.engine.Limit(time=0.6))
+    share = 600 // board.legal_moves.count()
+    assert {line for line in made.heard if line.startswith("go")} == {f"go movetime {share}"}
+
+
 def test_a_mate_and_a_stalemate_are_known_without_the_engine(fake: Callable[..., Any]) -> None:
     board = chess.Board("7k/8/5K2/6Q1/8/8/8/8 w - - 0 1")
     with opening_engine(EngineSettings(path=plain(fake).path)) as engine:
