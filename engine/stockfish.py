@@ -210,12 +210,14 @@ class Engine:
     ) -> tuple[Candidate, ...]:
         """One attempt at the best moves: at least one."""
         self._settle(process)
-        lines = min(lines, board.legal_moves.count())
+        moves = board.legal_moves.count()
+        lines = min(lines, moves)
         offered = process.uci.options.get("MultiPV")
-        if lines > 1 and offered is None:
+        most = lines if offered is None or offered.max is None else min(lines, offered.max)
+        every = not exact and most < lines == moves  # all moves are wanted, and the engine names fewer
+        if lines > 1 and (offered is None or every):
             found = self._ranked_alone(process, board, lines, limit)
         else:
-            most = lines if offered is None or offered.max is None else min(lines, offered.max)
             stop = budget.stop_after(limit, board.turn)
 
             async def search(uci: Uci) -> Sequence[chess.engine.InfoDict]:

@@ -90,6 +90,19 @@ def test_below_its_own_levels_the_engine_is_asked_for_all_moves(fake: Callable[.
     assert "go nodes 1000" in made.heard
 
 
+def test_an_engine_that_names_few_moves_is_asked_for_each_of_them(fake: Callable[..., Any]) -> None:
+    made = fake(
+        on_uci='say("option name MultiPV type spin default 1 min 1 max 2"); say("uciok")',
+        on_go='say("info depth 1 score cp 0 nodes 9"); say("bestmove a8a7")',
+    )  # fmt: skip
+    board, moves = chess.Board("k7/8/8/8/8/8/8/K7 w - - 0 1"), set[str]()
+    for seed in range(8):
+        with Engine(EngineSettings(path=made.path, nodes=5, elo=400, seed=seed)) as engine:
+            moves.add(engine.choose(board).move.uci())
+    assert moves == {"a1a2", "a1b1", "a1b2"}  # not two of them alone
+    assert [line for line in made.heard if line.startswith("go")] == 24 * ["go nodes 333"]
+
+
 def test_a_level_of_its_own_is_left_to_the_engine(fake: Callable[..., Any]) -> None:
     made = fake()
     with Engine(EngineSettings(path=made.path, nodes=5, elo=1400)) as engine:
