@@ -27,7 +27,8 @@ class Imperfections(FrozenFinite):
     pole_pairs: PositiveInt = 5
     """Ripple comes six times, cogging twelve times for each pair in a turn (a three-phase machine)."""
     friction: NonNegativeFloat = 0.0
-    """Viscous and Coulomb friction of each shaft are off by up to this share of what the parameters say."""
+    """The dry (Coulomb) friction of each shaft is off by up to this share of what the parameters say; viscous friction
+    is not, see ``arm_friction`` of ``Randomisation``."""
     tactile_noise: NonNegativeFloat = 0.0
     """Standard deviation of a tactile sensor's noise in each tick [N]."""
     tactile_offset: NonNegativeFloat = 0.0
