@@ -80,6 +80,13 @@ class CameraService(Service):
         self._recordings = PositionRecordings(plant, run_dir, stage)
         self.positions = PositionService(facts, self._recordings, self._plan)
         self._slots = 0
+        self._free: list[int] = []
+        """Slots that nobody has; room is made for no more than are needed at once."""
+        self._slots_of: dict[Visitor, list[int]] = {}
+        self._owed: set[int] = set()
+        """Slots that the renderer is yet to draw into …"""
+        self._left: set[int] = set()
+        """… of which these were a visitor's who is gone."""
         self._absent, self._lost = "this world was started without cameras", False
 
     # visitors
@@ -91,7 +98,7 @@ class CameraService(Service):
             self._renderer = Renderer(self._run_dir, alone=bool(self._facts["lockstep"]))
         if self._renderer is None:
             raise Refused(self._absent)
-        (slot,) = self._new_slots(1)
+        (slot,) = self._new_slots(visitor, 1)
         self._views[visitor] = _View(visitor, slot)
         return {**self._facts, "slot": slot, "views": {name: self._describe(name) for name in CAMERAS}}
 
@@ -127,26 +134,33 @@ class CameraService(Service):
             view.due = self._after(self._plant.tick, view.every)
         self._plan()
 
-    def _new_slots(self, number: int) -> list[int]:
-        first, self._slots = self._slots, self._slots + number
-        slots = list(range(first, self._slots))
-        try:
-            for slot in slots:
+    def _new_slots(self, visitor: Visitor, number: int) -> list[int]:
+        while len(self._free) < number:
+            slot, self._slots = self._slots, self._slots + 1
+            try:
                 make_slot(self._run_dir, slot)
-        except OSError as error:
-            raise Refused(f"there is no room for pictures in {self._run_dir}: {error.strerror}") from error
+            except OSError as error:
+                raise Refused(f"there is no room for pictures in {self._run_dir}: {error.strerror}") from error
+            self._free.append(slot)
+        slots, self._free = self._free[:number], self._free[number:]
+        self._slots_of.setdefault(visitor, []).extend(slots)
         return slots
 
     def leave(self, visitor: Visitor) -> None:
         """See ``Service``."""
         del self._views[visitor]
         self._stream_clients.pop(visitor, None)
+        for slot in self._slots_of.pop(visitor):
+            if slot in self._owed:  # until it is drawn nobody else can have it
+                self._left.add(slot)
+            else:
+                self._free.append(slot)
         self._plan()
 
     def _watch(self, view: _View, request: wire.WatchWish) -> None:
         rooms = self._latency // request.watch_ticks + 3  # frames under way, one that is read, one that is begun
         try:
-            slots = [view.slot, *self._new_slots(rooms - 1)]
+            slots = [view.slot, *self._new_slots(view.visitor, rooms - 1)]
         except Refused as error:
             view.visitor.tell({"error": str(error)})
             return
@@ -245,6 +259,11 @@ class CameraService(Service):
         except HardwareError as error:
             self._go_blind(error)
             return False
+        if slot is not None:
+            self._owed.discard(slot)
+            if slot in self._left:
+                self._left.remove(slot)
+                self._free.append(slot)
         for client in self._stream_clients.values():
             if slot is not None:
                 client.drawn(slot)
@@ -276,6 +295,7 @@ class CameraService(Service):
         shot = RenderRequest(
             slot=slot, view=camera, looks=self._stage.looks, sensor=sensor, quality=FILM if filmed else LOOK
         )
+        self._owed.add(slot)
         try:
             self._renderer.request(shot, self._plant.positions())
         except HardwareError as error:
@@ -285,6 +305,9 @@ class CameraService(Service):
         """The renderer is lost. The arm goes on: it does not need to be seen."""
         print(f"no more pictures: {error}", file=sys.stderr, flush=True)
         self._absent, self._lost = str(error), True
+        self._free.extend(sorted(self._left))
+        self._left.clear()
+        self._owed.clear()
         if self._renderer is not None:
             self._renderer.close(patience=0.0)
             self._renderer = None
