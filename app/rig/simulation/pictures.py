@@ -8,7 +8,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -89,8 +89,11 @@ def _drawing(wish: PicturesWish) -> Iterator[subprocess.Popen[bytes]]:
     with process:
         try:
             assert process.stdin is not None
-            process.stdin.write(wish.model_dump_json().encode())
-            process.stdin.close()
+            with (
+                suppress(BrokenPipeError),
+                process.stdin as told,
+            ):  # why it has ended is found where pictures are missed
+                told.write(wish.model_dump_json().encode())
             yield process
         finally:
             process.kill()
