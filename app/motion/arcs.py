@@ -273,5 +273,5 @@ def _bounds(cell: Workcell, start: list[float], end: list[float], carried: Piece
         bounds = bounds.scaled(settings.carrying)
     near = cell.table.centre_in_base[2] - limits.near_height
     if max(start[2], end[2]) > near + NEAR and end[2] > start[2]:
-        bounds = replace(bounds, downward=limits.downward_speed)
+        bounds = replace(bounds, downward=min(settings.downward_speed, limits.downward_speed))
     return bounds

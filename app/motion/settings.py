@@ -73,6 +73,8 @@ class MotionSettings(Frozen):
     law: Law = Law.TIME_OPTIMAL
     speed: PositiveFloat = 0.8
     """Of the tool; never above the table's contact limit [m/s]."""
+    downward_speed: PositiveFloat = CONTACT_PROFILES["default"].downward_speed
+    """Likewise, near the board [m/s]."""
     acceleration: PositiveFloat = 15.0
     """Along each axis of the base frame [m/s²]."""
     jerk: PositiveFloat = 500.0
@@ -144,7 +146,10 @@ PROFILES: Final = MappingProxyType({
     Profile.DEFAULT: MotionSettings(),
     Profile.FAST: _FAST,
     Profile.SEPARATION: _FAST,
-    Profile.GENTLE: MotionSettings(speed=CONTACT_PROFILES["gentle"].tool_speed, acceleration=8.0, jerk=250.0),
+    Profile.GENTLE: MotionSettings(
+        speed=CONTACT_PROFILES["gentle"].tool_speed, downward_speed=CONTACT_PROFILES["gentle"].downward_speed,
+        acceleration=8.0, jerk=250.0,
+    ),
     Profile.MINIMUM_JERK: MotionSettings(law=Law.MINIMUM_JERK),
 })  # fmt: skip
 """Settings of each profile; what protection enforces is of ``contact_speeds``."""

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile
+from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile, contact_speeds
 from app.motion.gain_schedule import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
@@ -25,6 +25,7 @@ from controller.model.workspace import seated
 from controller.protection.limits import default_limits, joint_middle
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
+from hardware.contact_speeds import ContactSpeeds
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind
 from hardware.sim.render.d435 import colour_intrinsics
@@ -256,6 +257,22 @@ def test_an_arm_that_stopped_anywhere_near_its_piece_goes_to_it(height, aside, l
     )
     np.testing.assert_allclose(TABLE.board_from_base(approach.samples["position"][-1]), [x, y, grip], atol=1e-9)
     assert not approach.samples["velocity"][-1].any()
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_a_profile_keeps_to_its_own_speeds_at_a_table_that_admits_more(profile: Profile) -> None:
+    # a lab's rig file has limits of its own, whichever profile its arm is asked for
+    table = TABLE.model_copy(update={"limits": ContactSpeeds(tool_speed=2.0, downward_speed=1.0)})
+    settings, near = PROFILES[profile], table.centre_in_base[2] - table.limits.near_height
+    board = chess.Board("4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1")
+    inventory = Inventory.of(start_layout(board, table), table)
+    planner = Planner.of(settings, PARAMETERS, table, np.array(settings.home), 0.01)
+    own = contact_speeds(profile)
+    ply = transfers(board, chess.Move.from_uci("e4d5"), inventory)
+    for motion in planner.ply(ply.san, ply.transfers, inventory).motions:
+        velocity, low = motion.samples["velocity"], motion.samples["position"][:, 2] >= near
+        assert velocity[low, 2].max(initial=0.0) <= own.downward_speed * (1.0 + 1e-6)
+        assert np.linalg.norm(velocity, axis=1).max() <= own.tool_speed * (1.0 + 1e-6)
 
 
 def test_nothing_faster_downwards_near_the_board_than_the_contact_limit():
