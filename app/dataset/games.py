@@ -11,7 +11,7 @@ import chess
 
 from app import UserError
 from app.dataset.words import task_of
-from app.records.events import AnyEvent, PlyEvent, StartEvent, StepEvent
+from app.records.events import AnyEvent, PlyEvent, StartEvent, StepEvent, TaskDroppedEvent
 from app.records.files import AGAIN, EVENTS_FILE, GAME, GAMES
 from app.records.history import RecordState, read_events
 from app.records.rounds import match_folder, rounds_of
@@ -131,10 +131,12 @@ def _plies(folder: Path, name: str, said: Callable[[str], None]) -> Iterator[Rec
 def _played(start: StartEvent, events: tuple[AnyEvent, ...], name: str) -> Iterator[RecordedPly]:
     board = chess.Board(start.fen, chess960=start.chess960)
     state = RecordState.after((start,), board)
-    begun: float | None = None
+    begun, uci = None, ""
     for event in events[1:]:
-        if isinstance(event, StepEvent) and event.uci is not None and begun is None:
-            begun = event.plant_time
+        if isinstance(event, StepEvent) and event.uci is not None and (begun is None or event.uci != uci):
+            begun, uci = event.plant_time, event.uci
+        if isinstance(event, TaskDroppedEvent):  # what was begun was given up, and may be begun anew
+            begun = None
         if isinstance(event, PlyEvent):
             assert state.board is not None
             if begun is not None and event.by == "arm":

@@ -8,6 +8,7 @@ import pytest
 
 from app import UserError
 from app.dataset.games import match_folders, plies_of_match
+from app.pieces.inventory import Stage
 from tests.app.played_game import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
 
 
@@ -59,3 +60,16 @@ def test_plies_of_the_arm_with_their_times_and_outcomes(tmp_path: Path) -> None:
     assert first.fen == EVERY_KIND
     assert second.begun == 4.0
     assert first.seed == 7
+
+
+@pytest.mark.parametrize("tried", ["e2e4", "d2d4"])
+def test_a_ply_that_was_given_up_and_begun_anew_is_only_what_was_done_at_last(tried: str, tmp_path: Path) -> None:
+    game = PlayedGame(tmp_path)
+    game.record.step(tried, 0, Stage.APPROACH, game.time)
+    game.time += 5.0
+    if tried == "e2e4":
+        game.record.task_dropped("the camera failed", game.time)
+    game.time += 20.0
+    game.play("e4")
+    (ply,) = plies_of_match(tmp_path, (tmp_path,), tmp_path, print).plies
+    assert (ply.begun, ply.ended) == (26.0, pytest.approx(28.01))
