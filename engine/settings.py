@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     NonNegativeInt,
@@ -24,7 +25,15 @@ HASH_MB: Final = 16
 """Of a player that says nothing else [MiB]: enough for some seconds of search on one thread."""
 BOOK_PLIES: Final = 20
 """So far a game may follow an opening book, if nothing else is said [plies]."""
-OptionValue = StrictBool | StrictInt | str
+
+
+def _option_value(value: object) -> object:
+    if not isinstance(value, (bool, int, str)):
+        raise ValueError("it should be true, false, a whole number or a text")
+    return value
+
+
+OptionValue = Annotated[StrictBool | StrictInt | str, BeforeValidator(_option_value)]
 """Of a UCI option; True presses a button."""
 
 

@@ -81,3 +81,12 @@ def test_a_side_has_one_strength_and_the_one_that_is_said_last(tmp_path: Path) -
     assert settings_of({}, skilled).black.skill == 5
     chosen = settings_of({"black.elo": 1500}, skilled).black  # as by 'play --elo'
     assert (chosen.elo, chosen.skill) == (1500, None)
+
+
+@pytest.mark.parametrize(("value", "said"), [("0.5", ", not 0.5"), ("[1]", ""), ("2026-01-01", "")])
+def test_a_value_that_no_option_of_an_engine_has_is_named_with_those_it_may_have(
+    tmp_path: Path, value: str, said: str
+) -> None:
+    sentence = rf"engine\.options\.Contempt: it should be true, false, a whole number or a text{said}$"
+    with pytest.raises(ConfigError, match=sentence):
+        load_settings(written(tmp_path, f"[engine.options]\nContempt = {value}\n"))
