@@ -13,6 +13,8 @@ PICTURE_AGE: Final = 1.0
 """Nobody is shown an older picture as if it were of now [s]."""
 _AGAIN: Final = 0.004
 """How soon a camera that had no newer frame is asked again [s]."""
+_MENDED: Final = 0.2
+"""The same of one that has none to show [s]."""
 
 
 class SteadyFrames:
@@ -61,14 +63,19 @@ class CameraPictures:
         self._cancelled = threading.Event()
 
     def next(self) -> tuple[NDArray[np.uint8], int] | None:
-        """See ``FilmSource.next``; None also where the camera does not answer any more."""
-        if self._cancelled.wait(self._pause):
-            return None
-        try:
-            frame = self._frames.read(PICTURE_AGE)
-        except HardwareError:
-            return None
-        return frame.colour, round(frame.stamp / self._period)
+        """See ``FilmSource.next``; None also where the camera was closed. One that was held up or unplugged is waited
+        for.
+        """
+        while not self._cancelled.wait(self._pause):
+            try:
+                frame = self._frames.read(PICTURE_AGE)
+            except CameraClosed:
+                return None
+            except HardwareError:
+                self._cancelled.wait(_MENDED)
+                continue
+            return frame.colour, round(frame.stamp / self._period)
+        return None
 
     def cancel(self) -> None:
         """See ``FilmSource.cancel``."""
