@@ -14,7 +14,7 @@ import numpy as np
 from app.measure.bench.beds.parts import Part
 from app.measure.bench.beds.plies import Disorder, Done, Games, slides
 from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
-from app.measure.bench.motion.optimum import NoOptimum, optimal_duration
+from app.measure.bench.motion.optimum import NoOptimum, casadi, optimal_duration
 from app.measure.bench.motion.torques import worst_rms
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import PROFILES, Motion, MotionSettings, Profile, contact_speeds
@@ -53,6 +53,7 @@ def motion_bench(quick: bool, progress: Progress) -> BenchReport:
     Raises:
         UserError: CasADi is not installed.
     """
+    casadi()  # before minutes are spent on the rest
     rows: dict[str, Row] = {}
     failures: list[str] = []
     for profile, transfers in (QUICK if quick else TRANSFERS).items():

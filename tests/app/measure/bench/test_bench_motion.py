@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import chess
 import numpy as np
 import pytest
 
+from app import UserError
 from app.measure.bench.beds.parts import Part
 from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.measure.bench.beds.touchdown import WOOD, Touchdown, set_down
@@ -116,3 +118,11 @@ def test_without_the_guard_a_piece_is_pressed_until_the_way_ends():
     guarded, pressed = (set_down(Touchdown(0.0, guard=on)) for on in (True, False))
     assert guarded.lasting < 3.0
     assert pressed.lasting > 1.5 * guarded.lasting
+
+
+def test_without_casadi_it_is_refused_before_anything_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "casadi", None)  # as if it were not installed
+    done = list[str]()
+    with pytest.raises(UserError, match=r"CasADi, which is not installed: pip install 'touchmove\[bench\]'$"):
+        motion.motion_bench(True, done.append)
+    assert not done
