@@ -76,7 +76,7 @@ class GameSeries:
             self._grant(last.wish)
         plies = self._settings.game.plies
         if self._puzzles and again and number > len(self._puzzles):
-            self._puzzles = ()  # whoever wants another game after the last one plays against the engine
+            self._take(self._settings)  # whoever wants another game after the last one plays against the engine
         if self._puzzles:
             return _puzzle(self._puzzles[number - 1], self.human) if number <= len(self._puzzles) else None
         if self._replayed:
@@ -132,12 +132,16 @@ class GameSeries:
             engine_players(settings, board, settings.rig.seed, stack, self._ui, self._rig_setup.pace)
 
     def _grant(self, wish: NewGame) -> None:
-        self._settings = settings = wished(self._settings, wish)
-        self._puzzles = ()
-        self._board, self._line = first_board(settings), None
+        self._take(wished(self._settings, wish))
+        self._board, self._line = first_board(self._settings), None
         if self.human is not None and wish.person is not None:
             self.human = replace(self.human, colour=wish.person)
-        keep_settings(self._folder, settings)
+
+    def _take(self, settings: Settings) -> None:
+        """Play by other settings, without puzzles, also if the match goes on later."""
+        practice = settings.practice.model_copy(update={"puzzles": None})
+        self._settings, self._puzzles = settings.model_copy(update={"practice": practice}), ()
+        keep_settings(self._folder, self._settings)
 
     def most(self, number: int) -> int:
         """Plies of a game after which it is over in any case."""

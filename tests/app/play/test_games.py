@@ -169,3 +169,15 @@ def test_who_goes_on_watching_is_asked_for_another_game_and_who_does_not_is_not(
     alone = play(tmp_path / "two", "resign", "new", "resign")
     assert [result for result, _ in alone.results] == ["0-1"]
     assert not (tmp_path / "two" / "game-2").exists()
+
+
+@pytest.mark.parametrize("word", ["new", "new full"])
+def test_a_game_against_the_engine_after_a_puzzle_goes_on_after_it_was_left(word: str, tmp_path: Path) -> None:
+    puzzles = tmp_path / "puzzles.csv"
+    puzzles.write_text("PuzzleId,FEN,Moves\nA1,6k1/5ppp/8/8/8/8/5PPP/3R2K1 b - - 0 1,g8f8 d1d8\n", encoding="utf-8")
+    folder = tmp_path / "game"
+    play(folder, word, "e4", "quit", **{"practice.puzzles": puzzles, "black.player": "engine"})
+    assert start_of(folder / "game-2")["fen"] == chess.STARTING_FEN
+    done = resume_games(folder, UserInterface(), TypedLines(io.StringIO("d4\nresign\n")))
+    assert (done.folder, done.report.result) == (folder / "game-2", "0-1")
+    assert done.report.plies >= 3
