@@ -1,6 +1,6 @@
 """Bench ``recovery``: games on a simulated rig that goes wrong, and how much of it is put right without a person.
 
-Two sides play random lines that capture often. The gripper lets go of every third piece that it holds, a while after it
+Two sides play random lines that capture often. The gripper lets go of each second piece that it holds, a while after it
 has closed; after every fourth ply a hand pushes a piece over, off its middle or onto another square. The
 camera looks after each ply, as in a lab. Whether the board is right in the end, and after each ply that was recorded,
 is the referee's word.

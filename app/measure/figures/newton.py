@@ -22,7 +22,7 @@ from hardware.parameters import load_parameters
 POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
 MOVE = "a1h8"
 """The longest way over the board, and a capture, so that a tray is visited too."""
-SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0  # fast profile's [m/s, m/s², m/s³]; beyond, drives exceed rated torque
+SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0  # [m/s, m/s², m/s³] as docs/results.md says
 DECIMALS = 1e-8  # what the paper iterates to, 8 decimals; here of |h| [m]
 MOVING = 0.05  # a tool faster than this moves [m/s]
 ENOUGH = 6
