@@ -24,6 +24,7 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from pydantic_core import to_json
+from zstandard import ZstdError
 
 from app import UserError
 from app.records.files import RecordError, recording
@@ -261,14 +262,14 @@ def read_telemetry(path: Path, since: float = 0.0, until: float = float("inf")) 
             yield from _messages(file, since, until)
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name a {TELEMETRY_FILE}") from error
-    except (McapError, ValueError, struct.error) as error:
+    except (McapError, ZstdError, ValueError, OverflowError, MemoryError, struct.error) as error:
         raise RecordError(f"{path} is not telemetry ({error}): name a {TELEMETRY_FILE} of this version") from error
 
 
 def _messages(file: IO[bytes], since: float, until: float) -> Iterator[tuple[float, Telemetry]]:
     wanted: set[int] = set()
     try:
-        for record in StreamReader(_whole_part(file)).records:
+        for record in StreamReader(_whole_part(file), validate_crcs=True).records:
             if isinstance(record, Channel) and record.topic == TOPIC:
                 wanted.add(record.id)
             elif isinstance(record, Message) and record.channel_id in wanted:

@@ -186,6 +186,23 @@ def test_wherever_a_file_is_cut_the_rest_is_read(path: Path, monkeypatch: pytest
     assert set(counts) == set(range(7))
 
 
+def test_a_damaged_record_is_a_sentence_or_read_up_to_there(path: Path) -> None:
+    sent = [telemetry(k) for k in range(6)]
+    with TelemetryRecorder(path, PERIOD) as recorder:
+        for one in sent:
+            recorder.take(one)
+    whole, refused = path.read_bytes(), 0
+    for place in range(0, len(whole), 41):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :])
+        try:
+            found = [one for _, one in read_telemetry(path)]
+        except RecordError:
+            refused += 1
+        else:
+            assert found == sent[: len(found)]
+    assert refused
+
+
 def test_what_is_no_record_is_said(path: Path) -> None:
     with pytest.raises(
         RecordError, match=r"telemetry.mcap cannot be read: No such file or directory: name a telemetry"
