@@ -11,7 +11,6 @@ import stat
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Final, Self
 
@@ -132,13 +131,15 @@ class SignIn:
         return f"{self._name}={value}; Path=/; Max-Age={SIGNED_IN}; HttpOnly; SameSite=Strict{secure}"
 
     def knows(self, cookies: str) -> bool:
-        """Whether the header ``Cookie`` shows that somebody has said it."""
-        try:
-            jar = SimpleCookie(cookies)
-        except CookieError:
-            return False
-        morsel = jar.get(self._name)
-        until, _, seal = ("" if morsel is None else morsel.value).partition(".")
+        """Whether the header ``Cookie`` shows that somebody has said it.
+
+        A browser sends the cookies of all ports of a computer, and other programs write into theirs what they like.
+        """
+        named = (one.strip().partition("=") for one in cookies.split(";"))
+        return any(self._good(value) for name, _, value in named if name == self._name)
+
+    def _good(self, value: str) -> bool:
+        until, _, seal = value.partition(".")
         if not hmac.compare_digest(seal.encode(), self._seal(until).encode()):
             return False
         return int(until, 16) > self._now()  # sealed by us, so a number

@@ -116,6 +116,15 @@ def test_no_other_cookie_is_known(text: str, at: int, letter: str) -> None:
     assert not signed.knows(f"{name}={changed}") or changed.strip('" ') == value or changed == value
 
 
+@pytest.mark.parametrize("other", ['seen={"a":1}', "a b=1", "token", 'x="', "x@y=1", "path=/", "caf\xe9=1", "=;;"])
+def test_cookies_of_other_programs_on_the_computer_keep_nobody_out(other: str) -> None:
+    sign_in = SignIn(KEPT, 8064, secure=False)
+    cookie = sign_in.cookie().split(";")[0]
+    assert sign_in.knows(f"{other}; {cookie}")
+    assert sign_in.knows(f"{cookie}; {other}")
+    assert not sign_in.knows(f"{other}; touchmove-8064=; a={cookie}")
+
+
 def test_an_allowance_is_so_many_at_once_and_so_many_a_second() -> None:
     time = Time()
     allowance = Allowance(2.0, 3.0, time)
