@@ -70,6 +70,7 @@ SENTENCES: Final[Mapping[str, str]] = MappingProxyType({
 """What is said, as a pattern, and in German. ``{side}``, ``{square}`` and ``{piece}`` stand for words as above; in the
 German, numbers for what the brackets found, ``{move}`` for a move in SAN."""
 _TAILS: Final[Mapping[str, str]] = MappingProxyType({
+    " (yes or no)": " ('yes' oder 'no')",
     ". Put it right by hand, or say 'fix' and the arm does it":
         ". Stellen Sie es richtig, oder sagen Sie 'fix', und der Arm tut es",
     ". Put it right by hand and say 'look', or say 'fix' and the arm does it":

@@ -12,6 +12,10 @@ from hypothesis import strategies as st
 
 import app
 import vision
+from app.game.questions import TurnQuestions
+from app.players.person import Human
+from app.terminal.game_display import UserInterface
+from app.terminal.typed_lines import TypedLines
 from app.voice.german import MOVES, SENTENCES, in_german
 from app.voice.speaker import Speaker, SpeakerMissing
 from app.voice.spoken_moves import ENGLISH
@@ -51,6 +55,30 @@ def test_moves_as_people_say_them(san: str, words: str) -> None:
 )
 def test_what_is_asked_most_can_be_said_in_german(sentence: str, german: str | None) -> None:
     assert in_german(sentence) == german
+
+
+@pytest.mark.parametrize(
+    ("question", "german"),
+    [
+        ("this looks like {}: was that your move?", "das sieht aus wie Springer f3: war das Ihr Zug?"),
+        (
+            "this looks like {}, but not clearly: was that it?",
+            "das sieht aus wie Springer f3, aber undeutlich: war es das?",
+        ),
+    ],
+)
+def test_questions_are_german_as_they_are_asked(question: str, german: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[str]()
+
+    def answer(_: TurnQuestions, sentence: str, *_rest: object) -> str:
+        asked.append(sentence)
+        return "yes"
+
+    monkeypatch.setattr(TurnQuestions, "answer", answer)
+    assert TurnQuestions(Human(chess.WHITE, TypedLines(None), None), UserInterface()).yes(
+        question.format("Nf3"), chess.Board(), ()
+    )
+    assert [in_german(sentence) for sentence in asked] == [f"{german} ('yes' oder 'no')"]
 
 
 def test_german_stands_for_what_the_program_still_says() -> None:
