@@ -150,8 +150,9 @@ class Plots {
     if (trace && frame.exact) {
       this.recent = trace.until(frame.t, this.limits);
       this.fresh = true;
-    } else if (this.recent.take(frame, this.path, this.limits)) {
-      this.fresh = true;
+    } else {
+      if (!(this.recent instanceof Recent)) this.recent = new Recent(); // those of a record were shown
+      if (this.recent.take(frame, this.path, this.limits)) this.fresh = true;
     }
     this.newest = frame;
   }

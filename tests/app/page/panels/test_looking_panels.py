@@ -142,3 +142,29 @@ def test_paused_plots_stand_still(browser: Browser, site: PanelSite) -> None:
         page.get_by_role("button", name="Pause").click()
         page.evaluate(tell, 3)
         until(lambda: figures(page)["Forces [N]"]["right pad"] == "3.0", page)
+
+
+def test_plots_go_on_with_the_game_after_a_record_was_shown(browser: Browser, site: PanelSite) -> None:
+    live = """(t) => store.receive({telemetry: {t, tool: [0, 0, 0.4], reference: [0, 0, 0.4], tactile: [t, 0],
+              force: [0, 0, 0], motion: 0, executed: 0, late: 0, work: 0, word: 'moves'}})"""
+    three = [[0.0], [0.0], [0.4]]
+    columns = {
+        "t": [50.0], "tool": three, "reference": three, "tactile": [[7.0], [0.0]], "force": three, "motion": [0],
+        "executed": [0], "late": [0.0], "work": [0.0], "word": ["moves"],
+    }  # fmt: skip
+    with panel(browser, site, "plots") as page:
+        page.evaluate(live, 1)
+        until(lambda: figures(page)["Forces [N]"]["right pad"] == "1.0", page)
+        page.evaluate(
+            """async (columns) => {
+              const {Trace} = await import('/static/record/trace.js');
+              const trace = new Trace({columns});
+              store.showRecord('a-game');
+              store.change({trace, telemetry: trace.frame(50)});
+            }""",
+            columns,
+        )
+        until(lambda: figures(page)["Forces [N]"]["right pad"] == "7.0", page)
+        page.evaluate("store.set('trace', null); store.showRecord(null)")
+        page.evaluate(live, 2)
+        until(lambda: figures(page)["Forces [N]"]["right pad"] == "2.0", page)
