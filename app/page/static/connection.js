@@ -92,6 +92,7 @@ export function connect(store) {
       store.receive(changes);
     } else if (frame.type === 'telemetry') {
       store.receive({telemetry: frame});
+      store.set('stopped', frame.stopped);  // of the arm that plays, whatever else is shown
     } else if (frame.type === 'refused') {
       store.set('refused', frame.text);
     }

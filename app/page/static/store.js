@@ -2,7 +2,8 @@
  * The state of the page: one newest value for each section, and who wants to know when it changes.
  *
  * Sections that the server sends are those of docs/page.md ("session", "game", "clock", …). Besides them stand sections of
- * this browser's own: "connection" ("connecting", "open" or "away"), "telemetry" (the newest frame), "refused" (a sentence),
+ * this browser's own: "connection" ("connecting", "open" or "away"), "telemetry" (the newest frame), "stopped" (whether the
+ * arm that plays stands, by the newest frame, also while a recorded game is shown), "refused" (a sentence),
  * "viewing" (how many plies of the game the board shows; null: the newest position), "sent" (the newest line sent),
  * "orientation" ("white" or "black": whose side is near), "evaluation" (true, false, or null: as usual), "record" (which
  * recorded game is shown; null: none). While a recorded game is shown its viewer sets "game", "clock" and the like; what the

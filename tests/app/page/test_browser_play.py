@@ -553,6 +553,30 @@ def test_anybody_stops_the_arm_by_button_key_and_from_a_dialog(set_stage: SetSta
     until(lambda: stage.stops == 3)
 
 
+def show_record(visitor: Visitor) -> None:
+    """One that the server is still making: what is shown of it does not matter."""
+    visitor.page.route("**/games/*/record.json", lambda _: None)
+    visitor.page.locator("#open-games").click()
+    visitor.page.locator("dialog .game-links").get_by_role("button").click()
+    expect(visitor.page.locator("[data-banner=record]")).to_be_visible()
+
+
+def test_stop_is_said_as_it_is_also_while_a_record_is_shown(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    banner = visitor.page.locator("[data-banner=stop]")
+    show_record(visitor)
+    visitor.page.locator("#stop").click()
+    expect(banner).to_contain_text("Stopped: the arm holds still.")
+    visitor.page.locator("[data-banner=record]").get_by_role("button").click()
+    expect(visitor.page.locator("[data-banner=record]")).to_have_count(0)
+    show_record(visitor)
+    banner.get_by_role("button", name="Continue").click()
+    said(stage, "go")
+    stage.stopped = False
+    expect(banner).to_have_count(0)
+
+
 def test_without_a_controller_stop_is_a_pause(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage(stoppable=False)
     one, two = visit(stage), visit(stage)

@@ -53,7 +53,8 @@ export function mountStop(store, banners) {
 
   function show() {
     if (sent === null) return;
-    const holds = store.holds();
+    const controls = store.get('controls');
+    const holds = controls !== null && controls.you === controls.holder;  // also while a recorded game is shown
     const go = button('Continue', 'go', () => store.say('go') && over(), {class: 'primary'});
     const how = holds ? '' : ' Whoever holds the controls can let it continue.';
     banners.set('stop', {
@@ -71,9 +72,9 @@ export function mountStop(store, banners) {
     if (twice) press();
   }, {capture: true});
 
-  store.subscribe('telemetry', (frame) => {
+  store.subscribe('stopped', (stopped) => {
     if (sent === null) return;
-    if (frame.stopped) {
+    if (stopped) {
       confirmed = true;
       show();
     } else if (confirmed || performance.now() - sent > HEARD) {
