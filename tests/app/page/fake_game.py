@@ -198,7 +198,7 @@ class FakeGame:
         elif line == "quit":
             self.end("*", "the person has left")
         elif line == "takeback":
-            self._take_back()
+            self.take_back()
         elif line == "look":
             self.look(())
         elif line == "hint":
@@ -275,7 +275,8 @@ class FakeGame:
         self.board.push(move)
         self.look(())
 
-    def _take_back(self) -> None:
+    def take_back(self) -> None:
+        """The last moves of both sides."""
         count = min(2, len(self.board.move_stack))
         if not count:
             self.publisher.say("There is nothing to take back.")

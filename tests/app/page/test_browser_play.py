@@ -90,6 +90,21 @@ def test_nobody_moves_out_of_turn_illegally_or_in_an_earlier_position(set_stage:
     said(stage, "d2d3")
 
 
+def test_who_looks_back_and_takes_back_to_there_is_in_the_game_again(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    played(stage, "e2e4", "e7e5", "g1f3", "b8c6")
+    expect(visitor.page.locator("#moves button.move")).to_have_count(4)
+    for _ in range(2):
+        visitor.page.keyboard.press("ArrowLeft")
+    visitor.cell("g1, white knight")
+    stage.game.take_back()
+    expect(visitor.page.locator("#moves button.move")).to_have_count(2)
+    expect(visitor.page.get_by_role("button", name="Back to the game")).to_be_hidden()
+    played(stage, "b1c3")
+    visitor.cell("c3, white knight")
+
+
 def test_a_finger_moves_pieces_too(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage()
     visitor = visit(stage, "phone")

@@ -50,7 +50,8 @@ export function mountMoves(store) {
     if (key !== drawn) {
       drawn = key;
       makeList(game, moves);
-      if ((store.get('viewing') ?? 0) > moves.length) store.set('viewing', null);
+      const viewing = store.get('viewing');
+      if (viewing !== null && viewing >= moves.length) store.set('viewing', null);  // what stood then stands again
     }
     opening.textContent = game?.opening ? `${game.opening.eco} ${game.opening.name}` : '';
     opening.title = opening.textContent;
