@@ -613,6 +613,7 @@ def test_a_lost_connection_is_said_and_had_again(set_stage: SetStage, visit: Vis
     assert stage.stops == 0
     visitor.mend()
     expect(visitor.page.locator("[data-banner=connection]")).to_have_count(0)
+    expect(visitor.page.locator("[data-banner=stop]")).to_have_count(0)
     expect(visitor.page.locator("#ask")).to_have_attribute("data-mood", "turn")
     visitor.click("e2", "e4")
     said(stage, "e2e4")

@@ -18,6 +18,7 @@ export function mountStop(store, banners) {
   const stop = byId('stop');
   let sent = null;        // when [ms]; null: not since it last went on
   let confirmed = false;  // the controller has said that it stands
+  let unsent = false;     // the banner says that there was no connection
   let unwatch = null;
   let escaped = -Infinity;
 
@@ -31,7 +32,8 @@ export function mountStop(store, banners) {
       store.say('pause');
       return;
     }
-    if (!store.send({type: 'stop'})) {
+    unsent = !store.send({type: 'stop'});
+    if (unsent) {
       banners.set('stop', {
         kind: 'danger',
         text: 'STOP could not be sent: this page has no connection. Stop the robot where it is: by its own switch, or with Ctrl-C in the terminal.',
@@ -86,6 +88,12 @@ export function mountStop(store, banners) {
     if (sent === null || confirmed || text === null || performance.now() - sent > HEARD) return;
     over();
     banners.set('stop', {kind: 'danger', text: `STOP: ${text}. If it moves, stop it by its own switch.`});
+  });
+  store.subscribe('connection', (state) => {
+    if (state !== 'open' || !unsent) return;
+    unsent = false;
+    banners.set('stop', null);  // the next one will be sent
+    show();
   });
   function draw() {
     const stops = stoppable();
