@@ -88,7 +88,7 @@ class Catalogue:
             shown.append({
                 "id": place.id, "number": place.number, "sets_up": place.sets_up, **known[1],
                 "film": (place.folder / FILM_FILE).is_file(),
-                "telemetry": (place.folder / TELEMETRY_FILE).is_file(),
+                "telemetry": telemetry_file(place.folder).is_file(),
             })  # fmt: skip
         return shown
 
@@ -96,6 +96,11 @@ class Catalogue:
 def match_of_record(folder: Path) -> Path:
     """Folder of the match that a record belongs to: its own, or the one around it."""
     return folder.parent if ROUND_FOLDER.fullmatch(folder.name) else folder
+
+
+def telemetry_file(folder: Path) -> Path:
+    """The telemetry of a record: that of its match."""
+    return match_of_record(folder) / TELEMETRY_FILE
 
 
 def _matches(folder: Path) -> Iterator[Path]:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from app.analysis.kept import kept_analysis
-from app.page.recorded.catalogue import RecordPlace
+from app.page.recorded.catalogue import RecordPlace, telemetry_file
 from app.page.recorded.follower import table_of
 from app.page.recorded.game_fold import GameFold, RecordContradicts, RoundShown
 from app.records.events import AnyEvent, FoundEvent, PlyEvent, StartEvent, StepEvent, TaskEvent, TroubleEvent
 from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
 from app.records.film_start import film_begins
-from app.records.telemetry import TELEMETRY_FILE
 
 _DIGITS: Final = 4
 """Of times [s]."""
@@ -61,7 +60,7 @@ def record_shown(place: RecordPlace, events: Sequence[AnyEvent]) -> dict[str, An
         "began": events[0].wall_time.isoformat(), "pace": events[0].pace, "seed": events[0].seed,
         "span": [round(events[0].plant_time, _DIGITS), round(events[-1].plant_time, _DIGITS)],
         "moments": moments, "troubles": troubles,
-        "film": (place.folder / FILM_FILE).is_file(), "telemetry": (place.folder / TELEMETRY_FILE).is_file(),
+        "film": (place.folder / FILM_FILE).is_file(), "telemetry": telemetry_file(place.folder).is_file(),
         "film_begins": film_begins(place.folder / FILM_FILE), "first_frame": _first_frame(place),
     }  # fmt: skip
 

@@ -25,7 +25,7 @@ from app import UserError
 from app.page.live.hub import encoded
 from app.page.live.people import People
 from app.page.live.state import VIEWS, PageState
-from app.page.recorded.catalogue import Catalogue, RecordPlace
+from app.page.recorded.catalogue import Catalogue, RecordPlace, telemetry_file
 from app.page.recorded.shower import JSON, Made, RecordShower, TooMuchWanted
 from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
@@ -34,7 +34,6 @@ from app.page.web.sign_in import AGAIN, TRIES, SignIn
 from app.page.web.static_files import STATIC, StaticFiles
 from app.records.files import FILM_FILE
 from app.records.game import FRAMES, PGN_FILE
-from app.records.telemetry import TELEMETRY_FILE
 from app.terminal.shown import View
 from hardware.parameters import load_parameters
 
@@ -145,7 +144,8 @@ class _Routes:
         return _download((await self._place(request)).folder, PGN_FILE, "application/x-chess-pgn")
 
     async def _mcap(self, request: Request) -> Response:
-        return _download((await self._place(request)).folder, TELEMETRY_FILE, "application/octet-stream")
+        file = telemetry_file((await self._place(request)).folder)
+        return _download(file.parent, file.name, "application/octet-stream")
 
     async def _frame(self, request: Request) -> Response:
         folder = (await self._place(request)).folder

@@ -340,6 +340,13 @@ def test_recorded_games_are_listed_and_shown(page: ServedPage) -> None:
     assert {one["held"] for one in record["moments"]} == {None, "white-pawn-e", "black-pawn-e", "white-knight-g"}
 
 
+def test_the_telemetry_of_a_match_is_that_of_all_its_games(page: ServedPage, games: Path) -> None:
+    (games / "match" / TELEMETRY_FILE).write_bytes(b"telemetry")
+    assert {one["id"]: one["telemetry"] for one in page.json("/games")} == {"match": True, "match~game-2": True}
+    assert page.json("/games/match~game-2/record.json")["telemetry"]
+    assert page.get("/games/match~game-2/telemetry.mcap").content == b"telemetry"  # type: ignore[attr-defined]
+
+
 def test_answers_are_packed_and_not_sent_twice(page: ServedPage) -> None:
     packed = page.get("/games/match/record.json", {"Accept-Encoding": "gzip"})
     assert packed.headers["Content-Encoding"] == "gzip"
