@@ -79,12 +79,12 @@ class Catalogue:
             file = place.folder / EVENTS_FILE
             try:
                 status = file.stat()
-            except OSError:  # it was taken away meanwhile
+                key = (status.st_mtime_ns, status.st_size)
+                known = self._known.get(place.folder)
+                if known is None or known[0] != key:
+                    known = self._known[place.folder] = key, _glance(file)
+            except OSError:  # it was taken away meanwhile, or others have locked it
                 continue
-            key = (status.st_mtime_ns, status.st_size)
-            known = self._known.get(place.folder)
-            if known is None or known[0] != key:
-                known = self._known[place.folder] = key, _glance(file)
             shown.append({
                 "id": place.id, "number": place.number, "sets_up": place.sets_up, **known[1],
                 "film": (place.folder / FILM_FILE).is_file(),
@@ -164,13 +164,25 @@ def _id(match: Path, folder: Path) -> str:
 def _glance(file: Path) -> dict[str, Any]:
     """What the list says of a record, without reading all of it closely; null where it cannot be read."""
     lines = file.read_bytes().splitlines()
-    first, last = _object(lines[:1]), _object(lines[-1:])
+    first, last = _object(lines[:1]), _object(lines[-1:]) or _object(lines[-2:-1])  # the last one may be cut off
     ended = last.get("event") == "end"
     return {
-        "white": first.get("white"), "black": first.get("black"), "began": first.get("wall_time"),
-        "start": first.get("fen"), "plies": sum(b'"event":"ply"' in line for line in lines),
-        "result": last.get("result") if ended else UNDECIDED, "reason": last.get("reason") if ended else None,
+        "white": _text(first, "white"), "black": _text(first, "black"), "began": _text(first, "wall_time"),
+        "start": _text(first, "fen"), "plies": _plies(last),
+        "result": _text(last, "result") if ended else UNDECIDED, "reason": _text(last, "reason") if ended else None,
     }  # fmt: skip
+
+
+def _plies(last: dict[str, Any]) -> int:
+    """How many count after the last event; the steps of a ply say which it will be."""
+    plies = last.get("ply")
+    return max(0, plies - (last.get("event") == "step")) if isinstance(plies, int) else 0
+
+
+def _text(event: dict[str, Any], name: str) -> str | None:
+    """A field that is text, and can be sent as such."""
+    found = event.get(name)
+    return found.encode(errors="replace").decode() if isinstance(found, str) else None
 
 
 def _object(lines: list[bytes]) -> dict[str, Any]:

@@ -34,6 +34,7 @@ from app.page.news import (
     SessionNews,
 )
 from app.page.recorded import shower
+from app.page.recorded.catalogue import Catalogue
 from app.page.web.pictures import BOUNDARY
 from app.records.files import EVENTS_FILE, FILM_FILE
 from app.records.telemetry import TELEMETRY_FILE
@@ -345,6 +346,48 @@ def test_the_telemetry_of_a_match_is_that_of_all_its_games(page: ServedPage, gam
     assert {one["id"]: one["telemetry"] for one in page.json("/games")} == {"match": True, "match~game-2": True}
     assert page.json("/games/match~game-2/record.json")["telemetry"]
     assert page.get("/games/match~game-2/telemetry.mcap").content == b"telemetry"  # type: ignore[attr-defined]
+
+
+def test_plies_that_were_taken_back_are_not_listed(games: Path) -> None:
+    game = RecordedGame(games / "another")
+    for san in ("e4", "e5", "Nf3"):
+        game.ply(san)
+    game.take_back(2)
+
+    def plies() -> int:
+        return next(one["plies"] for one in Catalogue(games).games() if one["id"] == "another")
+
+    assert plies() == 1
+    game.ply("d5", broken_off=2)
+    assert plies() == 1
+    with (games / "another" / EVENTS_FILE).open("ab") as file:
+        file.write(b'{"event":"ply","ply":2,')  # a crash cut it off
+    assert plies() == 1
+    game.record.close()
+
+
+@pytest.mark.parametrize("white", ["NaN", r'"\ud800"', "{}", "[NaN]"])
+def test_a_record_that_is_damaged_hides_no_other(page: ServedPage, games: Path, white: str) -> None:
+    (games / "damaged").mkdir()
+    (games / "damaged" / EVENTS_FILE).write_text(f'{{"event":"start","white":{white},"ply":{white},"fen":null}}\n')
+    listed = {one["id"]: one for one in page.json("/games")}
+    assert sorted(listed) == ["damaged", "match", "match~game-2"]
+    assert listed["damaged"]["white"] in (None, "?")
+
+
+def test_a_record_that_cannot_be_read_hides_no_other(
+    page: ServedPage, games: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    RecordedGame(games / "locked").record.close()
+    read = Path.read_bytes
+
+    def refused(path: Path) -> bytes:
+        if "locked" in path.parts:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refused)
+    assert [one["id"] for one in page.json("/games") if one["plies"]] == ["match", "match~game-2"]
 
 
 def test_answers_are_packed_and_not_sent_twice(page: ServedPage) -> None:
