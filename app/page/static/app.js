@@ -48,11 +48,13 @@ byId('open-settings').addEventListener('click', () => openSettings(store, {sound
 
 // a record that a link leads to, that the program was started to show, or that somebody chose
 let linked = readPlace().game;
+let told = null;
 store.subscribe('session', (session) => {
   if (session === null) return;
   document.body.classList.toggle('recorded', session.live === false && !session.ended);
-  const shows = linked ?? session.shows;
+  const shows = linked ?? (session.shows === told ? null : session.shows);  // told again, it is not chosen again
   linked = null;
+  told = session.shows ?? null;
   if (shows) store.showRecord(shows);
 });
 store.subscribe('record', (id) => {

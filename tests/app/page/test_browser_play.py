@@ -15,6 +15,7 @@ from app.players.commands import NewGame, help_text, parse_command
 from app.terminal.shown import RemoteShown
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage
+from tests.app.page.recorded.recorded_games import RecordedGame
 from tests.app.page.scenes import PROMOTING, elsewhere, my_turn, played, rematch
 from tests.app.page.stage import Stage
 from tests.waiting import PATIENCE, until
@@ -590,6 +591,28 @@ def test_stop_is_said_as_it_is_also_while_a_record_is_shown(set_stage: SetStage,
     said(stage, "go")
     stage.stopped = False
     expect(banner).to_have_count(0)
+
+
+def test_a_page_of_records_that_reconnects_stays_at_the_record_that_was_chosen(
+    set_stage: SetStage, visit: Visit
+) -> None:
+    stage = set_stage()
+    RecordedGame(stage.game.folder.parent / "other").record.close()
+    visitor = visit(stage)
+    visitor.page.route("**/games/*/record.json", lambda _: None)
+
+    def reads() -> list[str]:
+        return [urlsplit(one).path.split("/")[2] for one in visitor.requests if one.endswith("record.json")]
+
+    records = {"live": False, "ended": None, "shows": "game"}
+    stage.put(session=records)
+    until(lambda: visitor.page.evaluate("1") and reads() == ["game"])
+    visitor.page.locator("#open-games").click()
+    visitor.page.locator("dialog").get_by_role("button", name="Show a").click()
+    until(lambda: visitor.page.evaluate("1") and reads() == ["game", "other"])
+    stage.put(session=records, devices=[{"name": "told", "ok": True, "text": "again"}])
+    expect(visitor.page.locator(".device-name")).to_contain_text("Told")
+    assert reads() == ["game", "other"]
 
 
 def test_without_a_controller_stop_is_a_pause(set_stage: SetStage, visit: Visit) -> None:
