@@ -615,6 +615,20 @@ def test_a_page_of_records_that_reconnects_stays_at_the_record_that_was_chosen(
     assert reads() == ["game", "other"]
 
 
+def test_a_record_that_could_not_be_shown_can_be_chosen_again(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    page, answers = visitor.page, ["{", "{"]
+    page.route("**/games/*/record.json", lambda route: route.fulfill(body=answers.pop()))
+    for left in (1, 0):
+        page.locator("#open-games").click()
+        page.locator("dialog .game-links").get_by_role("button").click()
+        until(lambda left=left: page.evaluate("1") and len(answers) == left)
+        expect(page.locator("#record .tm-sentence").first).to_contain_text("This game cannot be shown")
+        page.locator("#tab-camera").click()
+    expect(page.locator("#record")).to_be_hidden()
+
+
 def test_without_a_controller_stop_is_a_pause(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage(stoppable=False)
     one, two = visit(stage), visit(stage)

@@ -35,8 +35,9 @@ export async function openGames(store) {
       'div', {class: 'game-links'},
       button('Show', 'go', () => {
         dialog.close();
-        store.showRecord(game.id);
-      }, {'aria-label': `Show ${game.white} – ${game.black}, ${when(game.began)}`}),
+        if (store.get('record') === game.id) store.set('record', game.id);  // once more: it is seen, or read again
+        else store.showRecord(game.id);
+      }, {'aria-label': `Show ${game.white ?? '?'} – ${game.black ?? '?'}, ${when(game.began)}`}),
       make('a', {href: `/games/${game.id}/report.html`, target: '_blank', rel: 'noopener'}, 'Report'),
     ),
   )));
