@@ -85,9 +85,10 @@ export function mountPanels(store) {
   // a recorded game that is chosen is shown where records are shown
   store.subscribe('record', (id) => {
     byId('tab-record').hidden = id === null;
-    if (id !== null) byId('panels').hidden = false;
+    const robot = !byId('tab-robot').hidden;
+    byId('panels').hidden = !robot && id === null;
     if (id !== null) show('record');
-    else if (open === 'record') show('robot');
+    else if (open === 'record') show(robot ? 'robot' : null);
   });
   return {show};
 }

@@ -629,6 +629,18 @@ def test_a_record_that_could_not_be_shown_can_be_chosen_again(set_stage: SetStag
     expect(page.locator("#record")).to_be_hidden()
 
 
+def test_without_an_arm_nothing_is_left_of_a_record_that_is_closed(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    panels = visitor.page.locator("#panels")
+    stage.put(session={"rig": "board", "person": "white", "hands": False, "sees": False, "live": True})
+    expect(panels).to_be_hidden()
+    show_record(visitor)
+    expect(panels).to_be_visible()
+    visitor.page.locator("[data-banner=record]").get_by_role("button").click()
+    expect(panels).to_be_hidden()
+
+
 def test_without_a_controller_stop_is_a_pause(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage(stoppable=False)
     one, two = visit(stage), visit(stage)
