@@ -641,6 +641,21 @@ def test_without_an_arm_nothing_is_left_of_a_record_that_is_closed(set_stage: Se
     expect(panels).to_be_hidden()
 
 
+def test_stop_in_a_dialog_is_what_stop_is_now(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    watches = {"you": 2, "holder": 1, "watchers": 2, "asking": None}
+    stage.put(controls={**watches, "stoppable": False})
+    expect(visitor.page.locator("#stop")).to_be_disabled()
+    visitor.page.locator("#open-settings").click()
+    here = visitor.page.locator("dialog .stop-here")
+    expect(here).to_be_disabled()
+    stage.put(controls={**watches, "stoppable": True})
+    expect(here).to_have_text("STOP")
+    here.click()
+    until(lambda: stage.stops == 1)
+
+
 def test_without_a_controller_stop_is_a_pause(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage(stoppable=False)
     one, two = visit(stage), visit(stage)

@@ -41,9 +41,15 @@ export function openDialog({title, content, wide = false, name = '', closed = ()
 
 /** STOP once more, since a dialog covers the one in the head of the page. */
 export function stopButton() {
-  const stop = document.getElementById('stop');
-  return make('button', {type: 'button', class: 'stop-here', disabled: stop.disabled, onclick: () => stop.click()},
-    document.getElementById('stop-text').textContent);
+  const here = make('button', {type: 'button', class: 'stop-here', onclick: () => document.getElementById('stop').click()});
+  matchStop(here);
+  return here;
+}
+
+/** A dialog's STOP as the one in the head of the page is now. */
+export function matchStop(here) {
+  const {disabled, hidden} = document.getElementById('stop');
+  Object.assign(here, {disabled, hidden, textContent: document.getElementById('stop-text').textContent});
 }
 
 /**

@@ -4,6 +4,7 @@
  * It goes straight to the controller. Until the arm is told to go on, a banner says that it stands, and how it goes on.
  */
 
+import {matchStop} from '../dialogs/dialog.js';
 import {byId, button, make} from '../dom.js';
 
 const TWICE = 700;      // between two Escapes that mean STOP [ms]
@@ -101,6 +102,7 @@ export function mountStop(store, banners) {
     byId('stop-text').textContent = stops ? 'STOP' : 'Pause';
     stop.disabled = !stops && store.get('controls') !== null && !store.holds();
     stop.hidden = !stops && store.get('remote') !== null;  // no arm to stop, and no clock: the one that counts is elsewhere
+    document.querySelectorAll('.stop-here').forEach(matchStop);
     show();
   }
   for (const section of ['controls', 'session', 'remote']) store.subscribe(section, draw);
