@@ -61,6 +61,25 @@ def test_a_move_by_click_is_pending_until_it_is_recorded(set_stage: SetStage, vi
     expect(visitor.page.locator("#announce")).to_have_text(re.compile("White: e4"))
 
 
+@pytest.mark.parametrize(("rook", "stands"), [("h1", ("g1", "f1")), ("b1", ("c1", "d1"))])
+def test_castling_in_chess960_is_pending_as_it_will_stand(
+    set_stage: SetStage, visit: Visit, rook: str, stands: tuple[str, str]
+) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    board = chess.Board("1r3k1r/8/8/8/8/8/8/1R3K1R w HBhb - 0 1", chess960=True)
+    legal = {"f1": [board.uci(move)[2:4] for move in board.legal_moves if move.from_square == chess.F1]}
+    stage.put(game={**stage.game_section(0), "fen": board.fen(), "chess960": True, "legal": legal})
+    visitor.cell("f1, white king")
+    asked_to_move(stage, visitor)
+    visitor.click("f1", rook)
+    said(stage, f"f1{rook}")
+    king, beside = stands
+    visitor.cell(f"{king}, white king")
+    visitor.cell(f"{beside}, white rook")
+    visitor.cell(f"{rook}, empty")
+
+
 def test_a_move_that_was_not_made_is_taken_off_the_board_again(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage()
     visitor = visit(stage)

@@ -240,8 +240,16 @@ export function mountBoard(store) {
 /** Make a move among pieces as it will look: castling, en passant and promotion too. */
 function made(pieces, line, from, to) {
   const piece = pieces.get(from);
-  const captures = pieces.has(to);
+  const there = pieces.get(to);
+  const captures = there !== undefined;
   pieces.delete(from);
+  if (piece.role === 'king' && there?.role === 'rook' && there.color === piece.color) {  // castling in Chess960
+    const [king, rook] = from < to ? ['g', 'f'] : ['c', 'd'];
+    pieces.delete(to);
+    pieces.set(king + from[1], piece);
+    pieces.set(rook + from[1], there);
+    return;
+  }
   if (piece.role === 'pawn' && from[0] !== to[0] && !captures) pieces.delete(to[0] + from[1]);
   if (piece.role === 'king' && Math.abs(from.charCodeAt(0) - to.charCodeAt(0)) === 2) {
     const rook = {c: ['a', 'd'], g: ['h', 'f']}[to[0]];
