@@ -26,6 +26,8 @@ class HelloFrame(FrozenFinite):
     token: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{16,64}$")]
     held: Annotated[str | None, Field(max_length=400)] = None
     """``session.id`` of the game whose controls it held when its connection was lost; null: it held none."""
+    again: int | None = None
+    """Its number when its connection was lost, of a page that was not loaded anew since."""
 
 
 class LineFrame(FrozenFinite):

@@ -129,10 +129,12 @@ class Hub:
         watcher = self._watchers[number] = Watcher(number, self._sections)
         return watcher
 
-    def leave(self, watcher: Watcher) -> None:
-        """A browser has gone."""
-        if self._watchers.get(watcher.number) is watcher:
+    def leave(self, watcher: Watcher) -> bool:
+        """A browser has gone; false: it had gone before."""
+        here = self._watchers.get(watcher.number) is watcher
+        if here:
             del self._watchers[watcher.number]
+        return here
 
     def watched(self, what: str) -> bool:
         """Whether somebody looks at telemetry, camera or film."""

@@ -73,15 +73,18 @@ class People:
         self.show()
 
     def joined(self, hello: HelloFrame) -> Watcher:
-        """A browser comes; by its token it is known again, unless somebody is here by that.
+        """A browser comes; by its token it is known again, unless somebody else is here by that.
 
         Raises:
             TooMany: there is no room.
         """
+        number = self._numbers.get(hello.token)
+        for watcher in self.hub.watchers:
+            if watcher.number == number == hello.again:
+                self.hub.leave(watcher)  # itself, by a connection of which nobody knows yet that it is dead
         here = {watcher.number for watcher in self.hub.watchers}
         if len(here) >= MOST:
             raise TooMany(f"{MOST} browsers are already watching: close one of them")
-        number = self._numbers.get(hello.token)
         if number is None or number in here:
             self._last += 1
             number = self._last
@@ -111,8 +114,9 @@ class People:
         return controls
 
     def left(self, watcher: Watcher) -> None:
-        """A browser has gone."""
-        self.hub.leave(watcher)
+        """A browser has gone; one that has come again is still here."""
+        if not self.hub.leave(watcher):
+            return
         self._claims.pop(watcher.number, None)
         self._set(self.controls.gone(watcher.number, self.now()))
         self.want()

@@ -65,7 +65,10 @@ export function connect(store) {
     const address = new URL('/live', window.location.href);
     address.protocol = address.protocol === 'https:' ? 'wss:' : 'ws:';
     const mine = socket = new WebSocket(address);
-    mine.addEventListener('open', () => mine.send(JSON.stringify({type: 'hello', token: own, ...held()})));
+    mine.addEventListener('open', () => {
+      const again = store.get('controls')?.you ?? null;  // who it was: the server may not know yet that it was away
+      mine.send(JSON.stringify({type: 'hello', token: own, ...held(), again}));
+    });
     mine.addEventListener('message', (event) => {
       if (mine === socket) receive(JSON.parse(event.data));
     });

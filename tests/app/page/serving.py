@@ -98,15 +98,19 @@ class ServedPage:
                 return b""
         return answer
 
-    def browser(self, token: str = TOKEN, *, held: str | None = None, cookie: str | None = None) -> Browser:
+    def browser(
+        self, token: str = TOKEN, *, held: str | None = None, again: int | None = None, cookie: str | None = None
+    ) -> Browser:
         """A browser's WebSocket that has said hello."""
-        return Browser(self.port, token, held, cookie)
+        return Browser(self.port, token, held, cookie, again)
 
 
 class Browser:
     """A browser that keeps the state as it is told it."""
 
-    def __init__(self, port: int, token: str, held: str | None = None, cookie: str | None = None) -> None:
+    def __init__(
+        self, port: int, token: str, held: str | None = None, cookie: str | None = None, again: int | None = None
+    ) -> None:
         self._open = ExitStack()
         self.socket: ClientConnection = self._open.enter_context(
             connect(
@@ -117,7 +121,7 @@ class Browser:
         self.state: dict[str, Any] = {}
         self.telemetry: list[dict[str, Any]] = []
         self.refusals: list[str] = []
-        self.send({"type": "hello", "token": token, "held": held})
+        self.send({"type": "hello", "token": token, "held": held, "again": again})
         self.until(lambda: bool(self.state))
 
     def __enter__(self) -> Self:

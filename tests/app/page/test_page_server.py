@@ -225,6 +225,21 @@ def test_who_stays_away_loses_the_controls(page: ServedPage, monkeypatch: pytest
     assert [one for one in page.said if isinstance(one, Present)] == [Present(holder=True), Present(holder=False)]
 
 
+def test_who_comes_back_before_the_lost_connection_is_missed_holds_the_controls_still(page: ServedPage) -> None:
+    with page.browser() as lost, page.browser(OTHER) as other:
+        number = lost.controls["you"]
+        (before,) = (one for one in page.page.hub.watchers if one.number == number)
+        with page.browser(again=number) as back:
+            assert back.controls["you"] == number
+            assert back.holds
+            page.do(lambda: page.page.people.left(before))  # found out at last
+            back.send({"type": "line", "text": "e4"})
+            until(lambda: LineSaid(text="e4") in page.said)
+            assert page.page.people.controls.watchers == {number, other.controls["you"]}
+        with page.browser(OTHER) as copy:
+            assert copy.controls["you"] not in (number, other.controls["you"])
+
+
 def test_two_windows_with_one_token_are_two_watchers(page: ServedPage) -> None:
     with page.browser() as first, page.browser() as copy:
         assert first.controls["you"] != copy.controls["you"]
