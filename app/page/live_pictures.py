@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from app.terminal.shown import View
 from hardware.interfaces import HardwareError
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from app.terminal.shown import FilmSource
 
+AGAIN: Final = 1.0
+"""Pictures that have ended while somebody watches are tried again after this [s, wall]."""
 Live = Callable[[View, float], "FilmSource | None"]
 """Opens the pictures of a view, so many a second; None where there are none."""
 
@@ -59,7 +61,7 @@ class LivePictures:
             if view in self._running and self._running[view][0] != rate:
                 self._running.pop(view)[1].cancel()
             if rate > 0.0 and view not in self._running and self._live is not None:
-                with suppress(HardwareError):  # devices that are going: whoever plays with them says so
+                with suppress(HardwareError, OSError):  # devices that are going: whoever plays with them says so
                     source = self._live(view, rate)
                     if source is not None:
                         self._running[view] = rate, source
@@ -73,3 +75,14 @@ class LivePictures:
                 self._take(view, shot[0], shot[1] * self._tick)
         finally:
             source.close()
+        with self._lock:
+            if self._running.get(view, (0.0, None))[1] is not source:
+                return  # it was cancelled
+            del self._running[view]  # the camera has fallen silent, or its device was closed
+        again = threading.Timer(AGAIN, self._begin_again)
+        again.daemon = True
+        again.start()
+
+    def _begin_again(self) -> None:
+        with self._lock:
+            self._follow()

@@ -15,6 +15,7 @@ import chess
 import numpy as np
 import pytest
 
+from app.page import live_pictures
 from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews, RemoteNews
 from app.page.publisher import KEPT, POINTS, PagePublisher
 from app.players.person import PersonGone
@@ -225,3 +226,24 @@ def test_pictures_that_a_page_wanted_are_not_taken_for_the_page_after_it(publish
     open_page(publisher)
     assert opened[0].over.wait(PATIENCE)
     assert len(opened) == 1
+
+
+def test_pictures_that_have_ended_begin_again_while_somebody_watches(
+    publisher, open_page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_pictures, "AGAIN", 0.0)
+    opened: list[Source] = []
+
+    def live(view: str, rate: float) -> Source:
+        opened.append(Source())
+        if len(opened) < 3:
+            opened[-1].over.set()  # its camera says nothing any more
+        return opened[-1]
+
+    publisher.session(dataclasses.replace(session(tmp_path), live=live))
+    page = open_page(publisher)
+    page.say(said="pictures", camera=5.0, film=0.0)
+    until(lambda: len(opened) == 3)
+    page.say(said="pictures", camera=0.0, film=0.0)
+    assert opened[2].over.wait(PATIENCE)
+    assert len(opened) == 3
