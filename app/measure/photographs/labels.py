@@ -35,6 +35,17 @@ def _position(fen: str) -> str:
 Fen = Annotated[str, AfterValidator(_position)]
 
 
+def _move(uci: str) -> str:
+    try:
+        chess.Move.from_uci(uci)
+    except ValueError as error:
+        raise ValueError(f"'{uci}' is not a move: write it as from square and to square, such as e2e4") from error
+    return uci
+
+
+Uci = Annotated[str, AfterValidator(_move)]
+
+
 class _Read(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
@@ -56,7 +67,7 @@ class FrameLabel(_Read):
     """One picture of a sequence."""
 
     file: str
-    moves_since_previous: tuple[str, ...] = ()
+    moves_since_previous: tuple[Uci, ...] = ()
     fen: Fen | None = None  # the position after them
     corners_px: Corners | None = None
 
@@ -80,7 +91,7 @@ class Labels(_Read):
     video: str | None = None
     fps: float | None = None
     stable_intervals: tuple[Interval, ...] = ()
-    moves_uci: tuple[str, ...] = ()
+    moves_uci: tuple[Uci, ...] = ()
 
     def of_view(self, name: str, played: int) -> FrameLabel | None:
         """What is known of a settled view, None where nothing is.

@@ -56,6 +56,15 @@ def make(folder: Path, line: str, *, labelled: bool, skip: int = 0) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("field", ["moves_since_previous", "moves_uci"])
+def test_labels_with_moves_in_another_notation_are_refused_at_once(tmp_path: Path, field: str) -> None:
+    frame = {"file": "1.png", "moves_since_previous": ["Nf3" if field == "moves_since_previous" else "g1f3"]}
+    labels = {"schema": "chess-seq/1", "frames": [frame], "moves_uci": ["Nf3" if field == "moves_uci" else "g1f3"]}
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    with pytest.raises(UserError, match=f"{field}.0: Value error, 'Nf3' is not a move: write it as"):
+        follow_folder(tmp_path, CornersFrom.FIND, quiet)
+
+
 @pytest.mark.parametrize("corners", CornersFrom)
 def test_a_drawn_game_is_followed_and_scored(tmp_path, corners):
     report = follow_folder(make(tmp_path, LINE, labelled=True), corners, quiet)
