@@ -65,6 +65,8 @@ class Listener(UserInterface):
     ) -> None:
         """See ``UserInterface.prompt``."""
         self._answers = frozenset(answers)
+        if YES in self._answers:
+            self._waiting = None  # from now on a yes is meant for this question
 
     def answered(self) -> None:
         """See ``UserInterface.answered``."""

@@ -83,6 +83,18 @@ def test_what_a_game_has_come_to_is_what_can_be_said(tmp_path: Path) -> None:
         assert table.lines.empty()
 
 
+def test_a_yes_to_the_games_question_is_not_for_what_was_heard_before(tmp_path: Path) -> None:
+    table = Table()
+    with table.listener(microphone(tmp_path / "it")) as listener:
+        listener._heed(speech(f"{ADDRESS} echo two to echo four").tobytes())
+        assert table.told.get_nowait() == "I heard 'e4': yes or no?"
+        listener.prompt("this looks like d4, but not clearly: was that it? (yes or no)", ("yes", "no", "y", "n"))
+        listener._heed(speech("yes").tobytes())
+        assert table.lines.empty()
+        listener._heed(speech(f"{ADDRESS} yes").tobytes())
+        assert table.lines.get_nowait() == "yes"
+
+
 def test_while_the_robot_speaks_nothing_is_heard(tmp_path: Path) -> None:
     table = Table()
     sounds = speech(f"{ADDRESS} hint"), speech(f"{ADDRESS} pause")
