@@ -528,6 +528,25 @@ def test_a_position_is_set_up_by_pointer_and_keyboard(set_stage: SetStage, visit
     assert stage.game.lines[0].endswith(" fen 8/8/8/8/8/4k3/8/4K2R b K - 0 1")
 
 
+def test_what_a_fen_says_beside_the_pieces_is_kept_unless_they_are_changed(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    asked_to_move(stage, visitor)
+    page = visitor.page
+    page.locator(".more summary").click()
+    page.locator("[data-word=setup]").click()
+    fen = page.get_by_role("textbox", name="Position as FEN")
+    en_passant = "rnbqkbnr/ppp1p1pp/8/3pPp2/8/8/PPPP1PPP/RNBQKBNR"
+    fen.fill(f"{en_passant}  w  KQkq f6 0 3")
+    fen.press("Tab")
+    expect(fen).to_have_value(f"{en_passant} w KQkq f6 0 3")
+    page.get_by_role("switch", name="Black, king side").uncheck()
+    expect(fen).to_have_value(f"{en_passant} w KQq - 0 1")
+    page.get_by_role("switch", name="Black, king side").check()
+    button(page, "Play from here")
+    expect(page.get_by_role("textbox", name="Position as FEN")).to_have_value(f"{en_passant} w KQkq f6 0 3")
+
+
 # ---------------------------------------------------------------------------------------------------- several visitors
 
 

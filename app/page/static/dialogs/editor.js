@@ -46,6 +46,7 @@ export function editPosition(fen = START) {
     let answer = null;
     let turn = 'white';
     let rights = new Set();
+    let loaded = {position: '', rest: ''};  // what a FEN says beside the position holds as long as that is not changed
     let tool = null;  // a piece that clicks put down, 'none' for an empty square, or null: pieces are dragged
 
     const wrap = make('div', {class: 'editor-board'});
@@ -183,7 +184,7 @@ export function editPosition(fen = START) {
     }
 
     function load(text) {
-      const [where, whose, castles] = text.split(' ');
+      const [where, whose, castles, ...rest] = text.split(/\s+/);
       const rows = where.split('/');
       const width = (row) => [...row].reduce((sum, letter) => sum + (Number(letter) || 1), 0);
       if (rows.length !== 8 || !rows.every((row) => /^[pnbrqkPNBRQK1-8]+$/.test(row) && width(row) === 8)) {
@@ -194,12 +195,19 @@ export function editPosition(fen = START) {
       turn = whose === 'b' ? 'black' : 'white';
       side.querySelector(`input[value="${turn}"]`).checked = true;
       rights = new Set([...(castles ?? '')].filter((letter) => letter in RIGHTS));
+      const whole = rest.length === 3 && /^(-|[a-h][36]) \d+ [1-9]\d*$/.test(rest.join(' '));
+      loaded = {position: position(), rest: whole ? rest.join(' ') : ''};
       changed();
     }
 
-    function fenText() {
+    function position() {
       const letters = Object.keys(RIGHTS).filter((letter) => rights.has(letter)).join('');
-      return `${placement(board.state.pieces)} ${turn === 'white' ? 'w' : 'b'} ${letters || '-'} - 0 1`;
+      return `${placement(board.state.pieces)} ${turn === 'white' ? 'w' : 'b'} ${letters || '-'}`;
+    }
+
+    function fenText() {
+      const now = position();
+      return `${now} ${(now === loaded.position && loaded.rest) || '- 0 1'}`;
     }
 
     function changed() {
