@@ -29,6 +29,8 @@ HEADERS: Final = {
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
     "Cache-Control": "no-cache",
 }
+OWN_PORTS: Final = {"http": 80, "https": 443}
+"""Of the schemes that an address may have."""
 OPEN_PATHS: Final = frozenset({"/login", "/static/login.css"})
 """What is shown to who has not signed in."""
 
@@ -51,8 +53,9 @@ class Names:
         origins = {f"http://{name}" for name in hosts}
         if address is not None:
             parts = urlsplit(address)
-            hosts.add(parts.netloc.lower())
-            origins.add(f"{parts.scheme}://{parts.netloc}".lower())
+            name = parts.netloc.lower().removesuffix(f":{OWN_PORTS[parts.scheme]}")  # which browsers leave out
+            hosts.add(name)
+            origins.add(f"{parts.scheme}://{name}")
         return cls(frozenset(hosts), frozenset(origins))
 
 

@@ -53,6 +53,16 @@ def answer(headers: dict[str, str], kind: str = "http", path: str = "/games", me
     return {"status": start["status"], **shown}
 
 
+@pytest.mark.parametrize(("written", "said"), [("https://robot.example:443", "https://robot.example"),
+                                               ("http://robot.example:80", "http://robot.example"),
+                                               ("https://robot.example:8443", "https://robot.example:8443"),
+                                               ("http://robot.example:443", "http://robot.example:443")])  # fmt: skip
+def test_an_address_with_the_schemes_own_port_is_known_as_browsers_say_it(written: str, said: str) -> None:
+    names = Names.of("127.0.0.1", 8064, written)
+    assert said in names.origins
+    assert said.partition("//")[2] in names.hosts
+
+
 @given(HOSTS, st.sampled_from(["http", "websocket"]))
 @example("127.0.0.1:8064", "http")
 @example("ROBOT.EXAMPLE", "websocket")
