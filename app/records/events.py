@@ -98,7 +98,7 @@ class StepEvent(_Stamped):
     event: Literal["step"] = "step"
     uci: str | None
     """The move; null: it belongs to the task that was begun last."""
-    transfer: int
+    transfer: Annotated[int, Field(ge=0)]
     """Of the transfers: which, from 0."""
     stage: Stage
 

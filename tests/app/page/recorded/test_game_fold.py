@@ -178,6 +178,19 @@ def test_records_that_contradict_themselves_are_said_so(tmp_path: Path) -> None:
         fold((), TABLE)
 
 
+def test_a_step_of_no_transfer_is_a_sentence(tmp_path: Path) -> None:
+    game = RecordedGame(tmp_path / "game")
+    game.ply("e4", broken_off=1)
+    game.record.close()
+    path = tmp_path / "game" / EVENTS_FILE
+    path.write_bytes(path.read_bytes().replace(b'"transfer":0', b'"transfer":-2'))
+    follower = RecordFollower(tmp_path / "game")
+    with pytest.raises(RecordError, match="line 2, is not an event of this version: step"):
+        follower.follow()
+    with pytest.raises(RecordError, match="line 2, is not an event of this version: step"):
+        read_events(path)
+
+
 def test_a_record_that_nests_without_end_is_listed_as_one_that_cannot_be_read(tmp_path: Path) -> None:
     game = RecordedGame(tmp_path / "deep")
     game.record.close()
