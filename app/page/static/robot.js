@@ -27,8 +27,9 @@ export function mount(element, store) {
 }
 
 /**
- * What is drawn in an element, for tests: how often it has been drawn, points of the base frame [m] of the tool and of each
- * piece's foot, whose piece is held, how much of the path is executed (0 to 1, null without a path). Null before it is there.
+ * What is drawn in an element, for tests: how often it has been drawn, whether the arm is, points of the base frame [m] of the
+ * tool and of each piece's foot, whose piece is held, how much of the path is executed (0 to 1, null without a path). Null
+ * before it is there.
  */
 export function inspect(element) {
   return panels.get(element)?.inspect() ?? null;
@@ -108,9 +109,7 @@ class Panel {
       watchWhileSeen(this.stage, this.store, 'telemetry', (seen) => this.show(seen)),
       this.store.subscribe('game', (game) => this.take(game)),
       this.store.subscribe('path', (path) => this.change(() => this.view.path.show(path))),
-      this.store.subscribe('session', (session) =>
-        this.change(() => (this.view.arm.group.visible = session?.rig !== 'board')),
-      ),
+      ...['session', 'record'].map((section) => this.store.subscribe(section, () => this.showArm())),
       this.store.subscribe('telemetry', (frame) => this.follow(frame)),
     );
   }
@@ -161,6 +160,13 @@ class Panel {
     this.blend.take(frame, performance.now(), frame.exact === true);
     this.wake(true);
     this.tell();
+  }
+
+  /** A game on the rig "board" has no arm; one that was recorded may have had. */
+  showArm() {
+    const {store} = this;
+    const there = store.get('record') !== null || store.get('session')?.rig !== 'board';
+    this.change(() => (this.view.arm.group.visible = there));
   }
 
   showForce(on) {
@@ -214,6 +220,7 @@ class Panel {
     const at = {};
     for (const [name, mesh] of pieces.meshes) at[name] = mesh.position.clone().applyMatrix4(board.matrix).toArray();
     const executed = path.mesh.visible ? path.faded / path.parts : null;
-    return {renders, tool: [...arm.at], pieces: at, held: pieces.held, executed, fingers: arm.fingers.right.position.x};
+    const [{visible}, fingers] = [arm.group, arm.fingers.right.position.x];
+    return {renders, arm: visible, tool: [...arm.at], pieces: at, held: pieces.held, executed, fingers};
   }
 }

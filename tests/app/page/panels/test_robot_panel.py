@@ -209,3 +209,13 @@ def test_without_webgl_a_sentence_says_so(browser: Browser) -> None:
         until(lambda: "WebGL" in (page.locator(".tm-sentence").text_content() or ""), page)
         assert page.locator("canvas").count() == 0
     context.close()
+
+
+def test_a_record_shows_its_arm_also_where_the_game_that_is_played_has_none(browser: Browser) -> None:
+    with opened_panel(browser) as page:
+        page.evaluate("store.set('session', {rig: 'board'})")
+        assert page.evaluate(INSPECT)["arm"] is False
+        page.evaluate("store.showRecord('a-game')")
+        assert page.evaluate(INSPECT)["arm"] is True
+        page.evaluate("store.showRecord(null)")
+        assert page.evaluate(INSPECT)["arm"] is False
