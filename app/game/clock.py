@@ -184,6 +184,13 @@ class ChessClock(FrozenFinite):
         at_decision = base - max(0.0, clock.used - free)
         return _after_arm(at_decision, clock.arm if self.arm_time is ArmTime.OWN else 0.0)
 
+    def free(self, now: float) -> float:
+        """How long the time of the side that thinks still stands: what is left of a delay [s]."""
+        if self.mover is None or self.is_decided:
+            return 0.0
+        control = self.control(self.mover)
+        return max(0.0, control.extra - self.at(now).used) if control.kind is Extra.DELAY else 0.0
+
     def flag(self, now: float) -> chess.Color | None:
         """Whose flag is down at this instant; None: nobody's.
 

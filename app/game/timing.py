@@ -63,7 +63,8 @@ class Timing:
         left, clock = self.left(), self._stands
         stands = clock is None or clock.since is None or (clock.is_decided and clock.arm_time is not ArmTime.OWN)
         running = None if clock is None or stands else clock.mover
-        self._show(None if left is None else ClockShown(left, running))
+        free = 0.0 if clock is None or running is None else clock.free(self.now())
+        self._show(None if left is None else ClockShown(left, running, free))
 
     def now(self) -> float:
         """The game's time [s]."""

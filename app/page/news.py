@@ -92,6 +92,8 @@ class ClockNews(FrozenFinite):
     white: float | None = None
     black: float | None = None
     running: Side | None = None
+    free: float = 0.0
+    """So long the one that runs stands first, as of a delay [s]."""
     at: float | None = None
     """Wall time at which they did [s since 1970]: a page that starts later is told the same news; None: now."""
 

@@ -156,7 +156,7 @@ class PagePublisher(UserInterface):
             return
         running = None if shown.running is None else _side(shown.running)
         white, black = (shown.left[colour] for colour in chess.COLORS)
-        self._tell(ClockNews(white=white, black=black, running=running, at=time.time()))
+        self._tell(ClockNews(white=white, black=black, running=running, free=shown.free, at=time.time()))
 
     def look(self, shown: LookShown) -> None:
         """See ``UserInterface.look``."""

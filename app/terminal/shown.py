@@ -65,10 +65,11 @@ class SessionShown:
 
 @dataclass(frozen=True, slots=True)
 class ClockShown:
-    """What both clocks show [s], and whose runs; None: nobody's."""
+    """What both clocks show [s], and whose runs; None: nobody's. For free it stands first, as of a delay [s]."""
 
     left: Mapping[chess.Color, float]
     running: chess.Color | None
+    free: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

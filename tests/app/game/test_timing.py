@@ -8,6 +8,7 @@ import pytest
 from app.game.clock import ChessClock
 from app.game.timing import Timing, clock_of
 from app.settings.time_control import ArmTime, TimeControl
+from app.terminal.shown import ClockShown
 
 
 class Times:
@@ -56,6 +57,22 @@ def test_whose_arm_moves_pays_plant_time_where_that_is_wanted() -> None:
     assert limit is not None
     assert limit.white_clock is not None
     assert limit.white_clock < 288.0 - 2.0, "the engine is told less than it has, since its arm will move"
+
+
+@pytest.mark.parametrize(("control", "free"), [("5d3", 3.0), ("5+3", 0.0), ("5b3", 0.0)])
+def test_a_clock_with_a_delay_is_shown_to_stand_first(control: str, free: float) -> None:
+    times, shown = Times(), list[ClockShown | None]()
+    clock = ChessClock.new(TimeControl.parse(control), None, ArmTime.NOBODY)
+    timing = Timing(clock, lambda: times.plant, lambda: times.wall, shown.append)
+    timing.start(chess.WHITE)
+    assert shown[-1] == ClockShown({chess.WHITE: 300.0, chess.BLACK: 300.0}, chess.WHITE, free)
+    times.wall += 1.0
+    timing.show()
+    paid = 0.0 if free else 1.0
+    left = {chess.WHITE: 300.0 - paid, chess.BLACK: 300.0}
+    assert shown[-1] == ClockShown(left, chess.WHITE, max(0.0, free - 1.0))
+    timing.decided()
+    assert shown[-1] == ClockShown(left, None)
 
 
 def test_a_person_pays_until_their_hand_has_left() -> None:

@@ -417,6 +417,16 @@ def test_where_no_arm_can_be_stopped_the_head_offers_a_pause_only_for_clocks_tha
     said(stage, "draw")
 
 
+def test_a_clock_stands_while_its_delay_lasts(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    clock = {"white": 100.0, "black": 90.0, "running": "white", "age": 3.0}
+    stage.put(clock={**clock, "free": 1e6})
+    expect(visitor.page.locator("#near .clock")).to_have_text("1:40")
+    stage.put(clock={**clock, "free": 0.0})
+    expect(visitor.page.locator("#near .clock")).not_to_have_text("1:40")
+
+
 def test_what_takes_many_lines_is_read_in_the_log(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage()
     visitor = visit(stage)

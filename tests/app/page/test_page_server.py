@@ -133,8 +133,9 @@ def test_what_the_game_says_stands_in_its_section(page: ServedPage, games: Path)
 
 
 def test_a_clock_is_as_old_as_it_is_for_who_comes_later(page: ServedPage) -> None:
-    page.take(ClockNews(white=60.0, black=50.0, running="white", at=time.time() - 2.0))
+    page.take(ClockNews(white=60.0, black=50.0, running="white", free=3.0, at=time.time() - 2.0))
     with page.browser() as first:
+        assert first.state["clock"]["free"] == 3.0
         age = first.state["clock"]["age"]
         time.sleep(0.1)
         with page.browser(OTHER) as second:

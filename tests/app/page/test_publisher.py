@@ -180,9 +180,11 @@ def test_where_nobody_was_at_the_page_the_end_of_input_is_the_end() -> None:
 
 def test_a_page_that_starts_later_is_told_since_when_a_clock_runs(publisher, open_page) -> None:
     before = time.time()
-    publisher.clock(ClockShown({chess.WHITE: 61.5, chess.BLACK: 60.0}, chess.WHITE))
+    publisher.clock(ClockShown({chess.WHITE: 61.5, chess.BLACK: 60.0}, chess.WHITE, 3.0))
     after = time.time()
-    assert before <= open_page(publisher).next()[0].at <= after
+    told = open_page(publisher).next()[0]
+    assert before <= told.at <= after
+    assert told.free == 3.0
 
 
 def test_a_picture_is_never_larger_than_a_page_takes(publisher, open_page) -> None:

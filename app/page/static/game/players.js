@@ -58,8 +58,8 @@ export function mountPlayers(store, low) {
 
   function left(clock, side) {
     if (clock[side] === null || clock[side] === undefined) return null;
-    const since = clock.running === side ? (clock.age ?? 0) + (performance.now() - clock.arrived) / 1000 : 0;
-    return clock[side] - since;
+    const passed = clock.running === side ? (clock.age ?? 0) + (performance.now() - clock.arrived) / 1000 : 0;
+    return clock[side] - Math.max(0, passed - (clock.free ?? 0));  // with a delay it stands first
   }
 
   function tick() {
