@@ -641,6 +641,17 @@ def test_stop_is_said_as_it_is_also_while_a_record_is_shown(set_stage: SetStage,
     expect(banner).to_have_count(0)
 
 
+def test_while_a_record_is_shown_nothing_is_said_of_it_as_of_the_game(set_stage: SetStage, visit: Visit) -> None:
+    stage = set_stage()
+    visitor = visit(stage)
+    asked_to_move(stage, visitor)
+    show_record(visitor)
+    expect(visitor.page.locator("#ask .ask-title")).to_have_text("A recorded game")
+    expect(visitor.page.locator("#line")).to_have_attribute("placeholder", "A recorded game is shown")
+    visitor.page.locator("[data-banner=record]").get_by_role("button").click()
+    expect(visitor.page.locator("#ask .ask-title")).to_have_text("Your move")
+
+
 def test_a_page_of_records_that_reconnects_stays_at_the_record_that_was_chosen(
     set_stage: SetStage, visit: Visit
 ) -> None:

@@ -130,9 +130,10 @@ export function mountActions(store, board) {
       pause.replaceChildren(icon(picture), make('span', {class: 'label'}, label));
     }
     const away = store.get('connection') !== 'open';
+    const idle = store.get('record') === null ? 'You watch: nothing can be typed here' : 'A recorded game is shown';
     field.disabled = !holds;
     send.disabled = !holds;
-    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : away ? 'No connection' : 'You watch: nothing can be typed here';
+    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : away ? 'No connection' : idle;
   }
 
   /** Against somebody elsewhere the game says which words make sense; setting up a position is a new game, too. */

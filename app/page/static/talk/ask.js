@@ -38,7 +38,7 @@ export function mountAsk(store, board) {
     if (store.get('connection') !== 'open' && session.live !== false) {
       return {mood: 'wait', title: 'Waiting for the connection', detail: 'The board shows its last known position.'};
     }
-    if (session.live === false && store.get('record') !== null) {
+    if (store.get('record') !== null) {
       return {mood: 'over', title: 'A recorded game', detail: game === null ? '' : `${game.white} – ${game.black}`};
     }
     if (session.live === false && !session.ended) {
