@@ -734,6 +734,10 @@ def test_a_lost_connection_is_said_and_had_again(set_stage: SetStage, visit: Vis
     visitor.page.locator("#stop").click()
     expect(visitor.page.locator("[data-banner=stop]")).to_contain_text("STOP could not be sent")
     assert stage.stops == 0
+    visitor.page.locator("#open-controls").click()
+    button(visitor.page, "Release the controls")
+    expect(visitor.page.locator("[data-banner=refused]")).to_contain_text("There is no connection to the game")
+    visitor.page.keyboard.press("Escape")
     visitor.mend()
     expect(visitor.page.locator("[data-banner=connection]")).to_have_count(0)
     expect(visitor.page.locator("[data-banner=stop]")).to_have_count(0)

@@ -13,7 +13,7 @@ export function mountControls(store, banners) {
   let dialog = null;
 
   const act = (action) => () => {
-    store.send({type: 'controls', action});
+    if (!store.send({type: 'controls', action})) store.set('refused', 'There is no connection to the game: nothing was sent');
   };
 
   function who() {
