@@ -22,7 +22,9 @@ COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.
 # Unless ARGS names its own. What has to be punctual: the second pass need not read all others anew. What does nothing but
 # compute, hangs on no clock and waits for no process: the punctual ones leave more than half of the processors' time.
 PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
-COMPUTING = $(if $(filter tests/%,$(ARGS)),,tests/vision tests/app/measure/figures tests/app/motion tests/controller/law)
+COMPUTING = $(if $(filter tests/%,$(ARGS)),,tests/vision tests/app/measure/figures tests/app/motion \
+    tests/app/campaign/report tests/app/commissioning/identification tests/controller/law tests/controller/model \
+    tests/controller/offline)
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
