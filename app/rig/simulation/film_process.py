@@ -75,6 +75,7 @@ class Encoder:
 
         Raises:
             RecordError: it cannot be written.
+            FFmpegError: it cannot be encoded.
         """
         while self._thread.is_alive():
             try:
@@ -91,7 +92,7 @@ class Encoder:
         try:
             with recording(self.path, ELSEWHERE):
                 self._encode()
-        except (RecordError, FFmpegError) as error:
+        except Exception as error:  # whoever draws raises it: else the film would end here, and be called done
             self.error = error
 
     def _encode(self) -> None:

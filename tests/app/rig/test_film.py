@@ -25,6 +25,7 @@ from app.rig.simulation.film import (
     positions_of,
     standpoint,
 )
+from app.rig.simulation.film_process import Encoder
 from hardware.sim.plant.trajectory import TrajectoryHeader, TrajectoryWriter
 from hardware.sim.process.construction import Construction
 from hardware.sim.render.settings import LightSettings, SceneState
@@ -54,6 +55,18 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pictures(path: Path) -> list[np.ndarray]:
     with av.open(str(path)) as film:
         return [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+
+
+def test_an_encoder_that_has_failed_ends_no_film_as_if_it_were_whole(tmp_path: Path) -> None:
+    encoder = Encoder(tmp_path / FILM_FILE, FilmWish(positions=tmp_path, output=tmp_path / FILM_FILE), 0.0)
+    encoder.put((np.zeros((480, 640, 3), dtype=np.uint8), 0.0))
+
+    def go_on() -> None:
+        encoder.put((np.zeros((480, 640, 3), dtype=float), 1.0))  # type: ignore[arg-type]  # a bug
+        encoder.put(None)
+
+    with pytest.raises(ValueError, match="dtype"):
+        go_on()
 
 
 def draw(folder: Path, output: Path, **wish: object) -> list[tuple[float, float]]:
