@@ -23,8 +23,8 @@ COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.
 # compute, hangs on no clock and waits for no process: the punctual ones leave more than half of the processors' time.
 PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
 COMPUTING = $(if $(filter tests/%,$(ARGS)),,tests/vision tests/app/measure/figures tests/app/motion \
-    tests/app/campaign/report tests/app/commissioning/identification tests/controller/law tests/controller/model \
-    tests/controller/offline)
+    tests/app/campaign/report tests/app/commissioning/identification tests/app/execution/test_likeness.py \
+    tests/app/execution/test_toppled.py tests/controller/law tests/controller/model tests/controller/offline)
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
