@@ -39,6 +39,9 @@ def test_an_unknown_robot_is_brought_up_to_its_first_game(monkeypatch: pytest.Mo
 def test_a_planted_fault_is_told_through_the_driver(kind: Drives) -> None:
     fault = PlantedKind.ENCODER_SIGN
     said: list[str] = []
-    told, moved = try_fault(kind, fault, FAULTS[fault], 77, said.append)
+    for _ in range(5):
+        told, moved = try_fault(kind, fault, FAULTS[fault], 77, said.append)
+        if told or "what='connection'" not in said[-1]:
+            break  # else a busy machine kept drives waiting until their watchdog braked, as it should
     assert told, said
     assert moved < TOOL_LIMIT
