@@ -3,6 +3,7 @@
 import math
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -219,12 +220,10 @@ def _set(sensor: Any, option: Any, value: float) -> None:
 def _serials(context: Any) -> list[str]:
     """Of the devices that are there; one that goes or comes at this very moment is not."""
     number, found = rs.camera_info.serial_number, list[str]()
-    try:
+    with suppress(RuntimeError):  # librealsense met a device that it could not ask
         for device in context.query_devices():
             if device.supports(number):
                 found.append(device.get_info(number))
-    except RuntimeError:  # librealsense met a device that it could not ask
-        return found
     return found
 
 

@@ -16,6 +16,7 @@ from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import Frame, Intrinsics
 from hardware.sim.process.table_studio import TableStudio
 from hardware.table import TableSettings
+from tests.app.execution.test_toppled import Still
 from tests.vision.drawing import START, Drawing, draw, pose
 from vision.board.view import BoardView
 from vision.reading.outcome import Situation
@@ -23,22 +24,6 @@ from vision.reading.outcome import Situation
 SIZE, TABLE = (640, 480), TableSettings()
 FOCAL = 1.2 * SIZE[0]
 """Of the camera that ``pose`` has."""
-
-
-class Still:
-    """Camera, arm and clock of a table that is photographed; all stand still."""
-
-    def __init__(self, shown: Frame) -> None:
-        self.shown = shown
-
-    def read(self, max_age: float) -> Frame:
-        return self.shown
-
-    def state(self) -> None:
-        return None
-
-    def now(self) -> float:
-        return self.shown.stamp
 
 
 def picture(tilt: float, stamp: float, believed: float) -> Frame:
