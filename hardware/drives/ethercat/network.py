@@ -35,7 +35,7 @@ _ACTIVE: Final = 300e-6
 _WATCHDOG_OFF: Final = 0.0002
 """A watchdog that differs by more from what was asked for has not been set [s]; its steps are 0.1 ms."""
 _ATTEMPTS: Final = 3
-"""To set the devices up, where a frame or an answer was lost meanwhile."""
+"""To set the devices up: a frame or an answer may have been lost meanwhile."""
 _TRIES: Final = 10
 """A register is asked for so often: where every third frame is lost, one of 60,000 is not read."""
 _OUTPUT_CONTROL, _TRIGGER, _RX_ERRORS = 0x0814, 0x40, 0x0300
@@ -79,12 +79,6 @@ def load_pysoem() -> Any:
     return pysoem
 
 
-class OtherSizes(HardwareError):
-    """A device's process data are not as large as its preset's: it is another device, or its answer about its mapping
-    was lost, so that the master went by what its EEPROM says.
-    """
-
-
 class Network:
     """All devices of a cable, in OP; raises ``HardwareError`` where one is not as the settings say.
 
@@ -118,14 +112,18 @@ class Network:
     # the start
 
     def _set_up(self, parameters: RobotParameters) -> None:
-        """From wherever the devices are to OP: from the beginning again where a frame, or an answer, was lost."""
+        """From wherever the devices are to OP: from the beginning again, whatever is amiss.
+
+        Where a frame or an answer was lost, it may show late and as something else: a device without a mailbox's sync
+        manager refuses PRE-OP, and one whose answer about its mapping was lost is mapped as its EEPROM says.
+        """
         for left in reversed(range(_ATTEMPTS)):
             try:
                 self._find()
                 self._configure(parameters)
                 self._start()
                 return
-            except OtherSizes:
+            except HardwareError:
                 if not left:
                     raise
             except self._soem.WkcError as error:
@@ -209,7 +207,7 @@ class Network:
                 ("gives", inputs.get(device, DRIVE_INPUTS.packed.size), len(slave.input)),
             ):
                 if wanted is not None and wanted != found:
-                    raise OtherSizes(
+                    raise HardwareError(
                         f"{device} ({slave.name}, device {place + 1} on the cable) {what} {found} bytes of process "
                         f"data, {wanted} are needed: correct the chain, or choose another preset"
                     )

@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import pytest
 
+from hardware.drives.ethercat import al_status
 from hardware.drives.ethercat.bus import EtherCatServoBus
-from hardware.drives.ethercat.network import Network, OtherSizes, load_pysoem
-from hardware.drives.ethercat.settings import EtherCatSettings
+from hardware.drives.ethercat.network import Network, load_pysoem
+from hardware.drives.ethercat.settings import Device, EtherCatSettings
 from hardware.drives.settings import DriveSettings, ForceSettings, JointSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, DriveTrouble, HardwareError, Pace
-from hardware.parameters import load_parameters
+from hardware.parameters import RobotParameters, load_parameters
 from hardware.realtime import real_time
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.process.settings import WorldSettings, keep_settings
@@ -37,6 +38,8 @@ DRIVES = DriveSettings(
 ROBOT = DRIVES.robot(load_parameters())
 REST = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
 POWERED = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=True)
+SYNC_MANAGER_0_ACTIVATE = 0x0806
+"""Register of an EtherCAT slave: whether its first mailbox is there (ETG.1000.4)."""
 FREE = Command((1.0, 1.0, 1.0), 0.01, brake=False, enable=True, busy=True)
 
 
@@ -64,21 +67,32 @@ def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     )
     try:
         pid, told, lost = namespace.network_pid(run_dir), list[str](), list[str]()
-        whole = Network._check_sizes
+        sizes, set_out = Network._check_sizes, Network._configure
 
-        def first_are_lost(network: Network) -> None:
+        def first_is_lost(network: Network) -> None:
             if len(lost) < 2:
-                lost.append("a frame" if not lost else "an answer about a mapping")
-                raise load_pysoem().WkcError if len(lost) == 1 else OtherSizes
-            whole(network)
+                lost.append("a frame")
+                raise load_pysoem().WkcError
+            sizes(network)
+
+        def without_a_mailbox(network: Network, robot: RobotParameters) -> None:
+            if not lost:
+                lost.append("a frame with a sync manager")
+                slave = network._slave(Device.FORCES)
+                for state in (al_status.INIT, al_status.PREOP):
+                    slave._fpwr(SYNC_MANAGER_0_ACTIVATE, b"\0")
+                    slave.state = state
+                    slave.write_state()
+            set_out(network, robot)
 
         deadline = time.monotonic() + 60.0
         while True:
             try:
                 enter = functools.partial(namespace.within_network, pid)
-                lost.clear()  # each start loses a frame and an answer, and ends well once the world is there
+                lost.clear()  # each start loses two frames, and ends well once the world is there
                 with pytest.MonkeyPatch.context() as patched:
-                    patched.setattr(Network, "_check_sizes", first_are_lost)
+                    patched.setattr(Network, "_configure", without_a_mailbox)
+                    patched.setattr(Network, "_check_sizes", first_is_lost)
                     bus = EtherCatServoBus(settings, DRIVES, ROBOT, enter, told.append)
                 break
             except HardwareError:  # the world is not there yet
