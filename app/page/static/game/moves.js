@@ -39,6 +39,7 @@ export function mountMoves(store) {
   }
 
   function go(ply) {
+    if (plies() === 0) return;  // in a record also where moves were played that were taken back: its end is not theirs
     const wanted = Math.max(0, Math.min(ply, plies()));
     store.set('viewing', wanted === plies() ? null : wanted);
   }
@@ -89,7 +90,7 @@ export function mountMoves(store) {
       else button.removeAttribute('aria-current');
     }
     const viewing = store.get('viewing') !== null;
-    back.hidden = !viewing;
+    back.hidden = !viewing || store.get('record') !== null;  // a record's newest position is not the game that is played
     for (const step of steps.slice(0, 2)) step.disabled = here === 0;
     for (const step of steps.slice(2)) step.disabled = !viewing;
     // only the list scrolls, never the page
@@ -108,6 +109,7 @@ export function mountMoves(store) {
 
   store.subscribe('game', draw);
   store.subscribe('viewing', mark);
+  store.subscribe('record', mark);
   document.addEventListener('keydown', (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey || event.shiftKey || takesKeys(event.target)) return;
     const to = {ArrowLeft: at() - 1, ArrowRight: at() + 1, Home: 0, End: Infinity}[event.key];

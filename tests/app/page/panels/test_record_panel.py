@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import chess
@@ -10,12 +11,17 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from app.motion.settings import MotionSettings
+from app.page.recorded.catalogue import RecordPlace
+from app.page.recorded.record import record_shown
 from app.page.robot_scene import robot_scene
+from app.records.files import EVENTS_FILE
+from app.records.history import read_events
 from hardware.parameters import load_parameters
 from hardware.table import square_place
 from tests.app.page.browsers import IN_3D, chromium
 from tests.app.page.panels.recorded_game import HOME, ID, STAGE, TABLE, RecordedGame, recorded_game
 from tests.app.page.panels.site import PanelSite, panel, served, until
+from tests.app.page.recorded.recorded_games import RecordedGame as TakenBack
 
 pytestmark = pytest.mark.slow
 GAME = f"/games/{ID}"
@@ -23,6 +29,11 @@ SEEK = """(t) => {
   const slider = document.querySelector('input[type=range]');
   slider.value = t;
   slider.dispatchEvent(new Event('input'));
+}"""
+
+WITH_MOVES = """async () => {
+  document.body.append(Object.assign(document.createElement('div'), {id: 'moves'}));
+  (await import('/static/game/moves.js')).mountMoves(store);
 }"""
 
 
@@ -126,6 +137,37 @@ def test_a_move_chosen_in_the_list_of_moves_takes_the_slider_there(page: Page, r
     assert float(page.locator("input[type=range]").input_value()) == pytest.approx(recorded.done[1], abs=0.011)
     page.evaluate("store.set('viewing', 0)")
     assert get(page, "game")["fen"] == chess.STARTING_FEN
+
+
+def test_the_list_of_moves_leads_through_a_record_and_nowhere_where_moves_were_taken_back(
+    browser: Browser, site: PanelSite, tmp_path: Path
+) -> None:
+    game = TakenBack(tmp_path)
+    for san in ("e4", "e5", "Nf3", "f6"):
+        game.ply(san)
+    taken_back = game.time
+    game.take_back(2)
+    game.ply("Nc3")
+    game.record.end("*", "it was long enough", game.later())
+    address = "/games/back"
+    site.answers[f"{address}/record.json"] = record_shown(
+        RecordPlace("back", tmp_path, 1, False), read_events(tmp_path / EVENTS_FILE)
+    )
+    site.answers[f"{address}/robot.json"] = site.answers["/robot.json"]
+    with panel(browser, site, "record", "#game=back") as page:
+        until(lambda: get(page, "game"), page)
+        page.evaluate(WITH_MOVES)
+        slider, heading = page.locator("input[type=range]"), page.locator("h1")
+        heading.press("ArrowRight")
+        heading.press("ArrowRight")
+        assert get(page, "viewing") == 2
+        assert page.get_by_role("button", name="Back to the game").is_hidden(), "it leads to the record's end"
+        page.evaluate(SEEK, taken_back)
+        assert get(page, "game")["fen"].startswith("rnbqkbnr/pppp2pp/5p2/4p3/4P3/5N2/"), "as it stood then"
+        moment = slider.input_value()
+        for key in ("ArrowLeft", "ArrowRight", "Home", "End"):
+            heading.press(key)
+            assert slider.input_value() == moment
 
 
 def test_it_plays_as_fast_as_asked_and_stops(page: Page) -> None:
