@@ -39,9 +39,9 @@ def test_an_unknown_robot_is_brought_up_to_its_first_game(monkeypatch: pytest.Mo
 def test_a_planted_fault_is_told_through_the_driver(kind: Drives) -> None:
     fault = PlantedKind.ENCODER_SIGN
     said: list[str] = []
-    for _ in range(5):
+    for _ in range(20):
         told, moved = try_fault(kind, fault, FAULTS[fault], 77, said.append)
-        if told or "what='connection'" not in said[-1]:
-            break  # else a busy machine kept drives waiting until their watchdog braked, as it should
+        if told or not any(f"what='{late}'" in said[-1] for late in ("connection", "missed ticks")):
+            break  # else a busy machine kept drives waiting, and that was found first, as it should be
     assert told, said
     assert moved < TOOL_LIMIT
