@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.board_height import BoardHeight
 from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, is_over_box, progress_of
 from app.execution.pauses import Permission
-from app.execution.state import Attendant, Clearance, Devices, Job
+from app.execution.state import Attendant, Carried, Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.order import Point
-from app.records import GameRecord, PlyOutcome
+from app.records import GameRecord
 from app.rig.arm import (
     FELT,
     ArmAtRest,
@@ -22,6 +22,7 @@ from app.rig.arm import (
     ArmHeld,
     ArmPaused,
     ArmStopped,
+    GraspedAside,
     GraspFailed,
     NothingTouched,
     Outcome,
@@ -51,30 +52,6 @@ HELD_UP = 0.001
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
 SPARED = "the servomotors are close to what they are rated for: the arm moves more slowly until they have cooled"
-
-
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """What a job came to.
-
-    Attributes:
-        planned: duration planned for its last part [s].
-        done: that part.
-        resumed: there was one before, of another program or before a pause.
-    """
-
-    planned: float
-    done: Outcome
-    resumed: bool
-
-    @property
-    def outcome(self) -> PlyOutcome:
-        """What the record says of it."""
-        done = self.done
-        return PlyOutcome(
-            planned=self.planned, real=done.duration, peak_torque=done.peak_torque, peak_force=done.peak_force,
-            resumed=self.resumed,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,12 +131,13 @@ class Carrier:
 
         Raises:
             BoardTouched: one was.
-            CarryFailed: a piece was not gripped or was lost on its way; the arm is home.
+            CarryFailed: a piece was not gripped, nor on either side, or was lost on its way; the arm is home.
             UserError: the computer was late too often; or as the planner.
         """
         state = self._devices.arm.state()
         self._step, self.midway = begun, begun is not None
         pauses, yields, resumed = 0, 0, begun is not None
+        asides = dict[int, list[Transfer]]()
         while True:
             progress: Progress | None = None
             try:
@@ -172,6 +150,8 @@ class Carrier:
                 self.midway = False
                 self._tell_spared(done)
                 return Carried(planned, done, resumed)
+            except GraspedAside as failure:
+                job = self._beside(job, inventory, failure, asides)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
             except ArmStopped as stopped:
@@ -190,6 +170,10 @@ class Carrier:
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
                 self._ui.phase(f"continuing after a pause: {pause}")
+            except UserError as refused:  # by the planner: the fingers do not get at one of the sides
+                if self._step is None or self._step.transfer not in asides:
+                    raise
+                job = self._beside(job, inventory, refused, asides)
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
@@ -344,6 +328,30 @@ class Carrier:
             for listener in self._listeners:
                 listener(job.uci)
 
+    def _beside(self, job: Job, inventory: Inventory, failure: UserError, asides: dict[int, list[Transfer]]) -> Job:
+        """The job with its piece taken further to one side, then to the other: on which it stands, no pad feels.
+
+        What has slid into the grooves meanwhile is carried as it is.
+
+        ``asides`` are, by transfer, the sides that are left. Raises ``CarryFailed`` where none is.
+        """
+        from app.motion.off_centre import either_side
+
+        assert self._step is not None
+        index = self._step.transfer
+        transfer = job.transfers[index]
+        if isinstance(failure, GraspedAside):
+            self._ui.phase(str(failure))
+            if failure.seated:
+                return job
+            if index not in asides:
+                asides[index] = either_side(transfer, failure.finger_position, self._parameters.pads, inventory.table)
+        if not asides[index]:
+            raise self._failed(job, inventory, failure) from failure
+        self._go_home(inventory, transfer.kind)
+        beside = asides[index].pop(0)
+        return replace(job, transfers=(*job.transfers[:index], beside, *job.transfers[index + 1 :]))
+
     def _failed(self, job: Job, inventory: Inventory, failure: UserError) -> CarryFailed:
         """Home after a loss, and what it was."""
         from app.motion.obstacles import closed_position
@@ -351,7 +359,7 @@ class Carrier:
         assert self._step is not None
         index = self._step.transfer
         transfer = job.transfers[index]
-        missed = isinstance(failure, GraspFailed | ArmGaveWay)
+        missed = not isinstance(failure, NothingTouched | PieceLost | PieceSlipped)
         state, touching = self._devices.arm.settle(), isinstance(failure, PieceSlipped)
         # perhaps it is, or something else, between the fingers yet: then it stands, and is let go of there
         empty = closed_position(transfer.kind, self._parameters.pads) - GIVES  # fingers that hold nothing close further

@@ -14,7 +14,7 @@ from app.pieces.inventory import Inventory, Transfer
 from app.players.ending import GameEnd
 from app.records import History, PlyOutcome
 from app.records.history import Unfinished
-from app.rig.arm import Arm
+from app.rig.arm import Arm, Outcome
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.piece_set import Look
@@ -114,6 +114,30 @@ class Remark:
 
 
 NO_REMARK: Final = Remark()
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """What a job came to.
+
+    Attributes:
+        planned: duration planned for its last part [s].
+        done: that part.
+        resumed: there was one before, of another program or before a pause.
+    """
+
+    planned: float
+    done: Outcome
+    resumed: bool
+
+    @property
+    def outcome(self) -> PlyOutcome:
+        """What the record says of it."""
+        done = self.done
+        return PlyOutcome(
+            planned=self.planned, real=done.duration, peak_torque=done.peak_torque, peak_force=done.peak_force,
+            resumed=self.resumed,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,6 +74,8 @@ class Motion:
     """How long it should take [s]; less than n ticks where a guard ends it."""
     grips: bool = False
     """The motion must end by its grip guard, else nothing was grasped."""
+    seats_at: float | None = None
+    """Position of the fingers that grip a piece by its middle [m]; None: that is not known."""
     touches: bool = False
     """The motion must end by its touch guard, else nothing stands there."""
     continuation: Continuation | None = None

@@ -88,7 +88,10 @@ class Planner:
             if index > 0 or not holding:
                 route = _grasp(cell, transfer, point, finger)
                 motion, _ = motion_of(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
-                motions.append(replace(motion, expected=_grip_time(cell, transfer, finger - meanwhile)))
+                closed = closed_position(transfer.kind, cell.parameters.pads)
+                motions.append(
+                    replace(motion, expected=_grip_time(cell, transfer, finger - meanwhile), seats_at=closed)
+                )
             route = _carry(cell, transfer, others, point, fresh=index > 0 or not holding)
             carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
             motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)

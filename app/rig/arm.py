@@ -26,6 +26,11 @@ FELT: Final = 0.5
 TOUCH_ERROR: Final = 0.0017
 """What the fingers come down on is so near to where it should be, in height [m]: places are known to a millimetre or
 two, and pivot edges are pressed in by one (seen: 0.7 to 1.0 mm, and 1.9 and -3.6 where it was something else)."""
+ASIDE: Final = 0.0015
+"""Fingers that close by so much less than around a piece in the middle hold it by their edges [m]: friction does that
+from 3 mm on, and in the middle they close to within 0.2 mm."""
+SLIDES: Final = 0.5
+"""What the edges hold is waited for so long [s, wall]; where plant time waits for us, until nothing moves."""
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
 GAVE_WAY: Final = frozenset({
@@ -44,6 +49,23 @@ class GraspFailed(UserError):
             f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; is "
             "the piece where the game expects it?"
         )
+
+
+class GraspedAside(UserError):
+    """The fingers closed on a piece that stands so far aside that their edges hold it: lifted, it would slip.
+
+    Attributes:
+        finger_position: where they have come to [m].
+        seated: what they hold has slid into their grooves since, so that it can be lifted.
+    """
+
+    def __init__(self, motion: Motion, finger_position: float) -> None:
+        super().__init__(
+            f"could not {motion.label}: the pads held it by their edges, {finger_position * 1e3:.1f} mm from the "
+            "middle; does the piece stand where the game expects it?"
+        )
+        self.finger_position = finger_position
+        self.seated = motion.seats_at is not None and finger_position <= motion.seats_at + ASIDE
 
 
 class PieceSlipped(UserError):
@@ -229,6 +251,7 @@ class ControllerArm:
 
         Raises:
             GraspFailed: a motion that had to grip ended without.
+            GraspedAside: it gripped beside the middle of the pads.
             NothingTouched: a motion that had to touch ended without.
             TouchedElsewhere: a motion touched at another height than it should.
             PieceSlipped: a piece was lost on its way.
@@ -253,6 +276,9 @@ class ControllerArm:
             if motion.grips and not done.gripped:
                 self._client.stop()
                 raise GraspFailed(motion, done.finger_position)
+            if motion.seats_at is not None and done.finger_position > motion.seats_at + ASIDE:
+                self._client.stop()
+                raise GraspedAside(motion, self._slid(motion.seats_at + ASIDE))
             if motion.touches and not done.touched:
                 self._client.stop()
                 raise NothingTouched(motion)
@@ -266,6 +292,13 @@ class ControllerArm:
         assert first_tick is not None
         duration = (end_tick - first_tick) * self._client.period
         return Outcome(duration, torque, force, end_tick, self._client.telemetry.warm, touched)
+
+    def _slid(self, seated: float) -> float:
+        """Where fingers come to that hold a piece by their edges: it may slide into their grooves, if slowly [m]."""
+        until = time.monotonic() + SLIDES
+        while (state := self.state()).finger > seated and not self._client.lockstep and time.monotonic() < until:
+            time.sleep(self._client.period)
+        return state.finger
 
     def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import SPARED, Begun, Carrier
-from app.execution.interruption import BoardTouched
+from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
 from app.execution.state import Attendant, Clearance, Devices, Job
@@ -24,9 +25,10 @@ from app.pieces.manipulation import transfers
 from app.players.commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
-from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, Outcome, TouchedElsewhere
+from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, GraspedAside, Outcome, TouchedElsewhere
 from app.terminal.game_display import UserInterface
 from hardware.parameters import load_parameters
+from hardware.piece_set import PIECE_SHAPES, Kind
 from hardware.table import Place, TableSettings
 from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.poses import Pose
@@ -75,6 +77,38 @@ class Arm:
         return Outcome(1.0, 1.0, 1.0, 100, self.warm, FELT_AT + self.lower)
 
 
+class Grasping(Arm):
+    """Closes on a piece that stands ``aside`` of where it is believed to, along z₂ [m]; the pads take what is near."""
+
+    TAKES, SEEN = 0.002, 0.0037
+
+    def __init__(self, aside: float, *, slides: bool = False) -> None:
+        super().__init__()
+        self.aside, self.closed_at, self.slides, self.felt = aside, list[float](), slides, 0.0
+
+    def state(self) -> ArmAtRest:
+        return ArmAtRest(self.at, 0.01, 0, self.felt)
+
+    settle = state
+
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        for motion in plan.motions:
+            if begin is not None:
+                begin(motion)
+            if motion.seats_at is not None:
+                at, believed = motion.samples["position"][-1], TABLE.base_from_board([*TABLE.xy(KNIGHT.place), 0.0])
+                self.closed_at.append(float(at[1] - believed[1]))
+                if abs(self.closed_at[-1] - self.aside) > self.TAKES:
+                    self.at = np.array(at)
+                    if self.slides:
+                        self.felt = 4.0
+                        raise GraspedAside(motion, motion.seats_at)
+                    radius = PIECE_SHAPES[Kind.KNIGHT].stem_radius
+                    edge = PARAMETERS.pads.half_width - self.SEEN
+                    raise GraspedAside(motion, math.sqrt(radius**2 - edge**2))
+        return super().execute(plan)
+
+
 class Guard:
     """A hand is over the board, and gone when ``clear`` returns."""
 
@@ -107,14 +141,51 @@ def carrier_of(
     return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS, attendant), record
 
 
-BISHOP = STANDS.at(Place.parse("c1"))
+BISHOP, KNIGHT = STANDS.at(Place.parse("c1")), STANDS.at(Place.parse("b1"))
 assert BISHOP is not None
+assert KNIGHT is not None
 LYING = MisplacedPiece(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 _PLANNER = Planner.of(MOTION, PARAMETERS, TABLE, HOME, 0.01)
 FREE = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
 BELIEVED = plan_stand_up(_PLANNER, FREE, [FREE], STANDS).motions[0].touches_at or 0.0
 """How low the tool should be on that one's rim, and on the board, base frame z₃ [m]."""
 FELT_AT = plan_feeling_board(_PLANNER, FREE, [FREE], STANDS).expected
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.0037, -0.0037])
+def test_a_piece_that_stands_aside_is_taken_there(tmp_path: Path, aside: float) -> None:
+    arm = Grasping(aside)
+    carrier, record = carrier_of(arm, None, tmp_path)
+    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
+    carried = carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS)
+    assert arm.closed_at == pytest.approx([0.0, 0.0037, -0.0037][: 1 + [0.0, 0.0037, -0.0037].index(aside)], abs=2e-5)
+    assert arm.done == [*["home"] * (len(arm.closed_at) - 1), "Nc3"], "it opens, and goes home, before it tries again"
+    assert carried.resumed == bool(aside)
+    assert not carrier.midway
+    record.close()
+
+
+def test_what_has_slid_into_the_grooves_is_carried_as_it_is(tmp_path: Path) -> None:
+    arm = Grasping(0.0037, slides=True)
+    carrier, record = carrier_of(arm, None, tmp_path)
+    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
+    assert carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS).resumed
+    assert len(arm.closed_at) == 1
+    assert arm.done == ["Nc3"]
+    record.close()
+
+
+def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path) -> None:
+    arm = Grasping(0.02)
+    carrier, record = carrier_of(arm, None, tmp_path)
+    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
+    with pytest.raises(CarryFailed, match=r"^could not grasp knight on b1: .* held it by their edges") as failed:
+        carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS)
+    assert failed.value.loss is Loss.NOT_GRIPPED
+    assert failed.value.done == 0
+    assert len(arm.closed_at) == 3
+    assert arm.done == ["home"] * 3
+    record.close()
 
 
 @pytest.mark.parametrize("what", ["carry", "push", "stand up"])

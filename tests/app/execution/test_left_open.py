@@ -13,11 +13,10 @@ import chess
 import pytest
 
 from app import UserError
-from app.execution.carrier import Carried
 from app.execution.interruption import CarryFailed, Loss
 from app.execution.recovery import Recovery
 from app.execution.repair import Whereabouts
-from app.execution.state import Devices, Job, Position
+from app.execution.state import Carried, Devices, Job, Position
 from app.execution.table import Table
 from app.game.person import GameLeft, NeedsHand
 from app.motion import MotionSettings

@@ -19,12 +19,11 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.execution.carrier import Carried
 from app.execution.fallen import MOST_TRIES, SWUNG_AFTER
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation, Whereabouts
-from app.execution.state import AwaitedReply, Devices, Job, Position, Told
+from app.execution.state import AwaitedReply, Carried, Devices, Job, Position, Told
 from app.execution.table import Table
 from app.game.person import NeedsHand, UnattendedAsker
 from app.game.set_down import shows_after

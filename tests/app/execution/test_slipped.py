@@ -15,7 +15,7 @@ from app.motion import MotionSettings, Plan, Planner
 from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.rig.arm import ControllerArm, PieceSlipped
+from app.rig.arm import ASIDE, ControllerArm, GraspedAside, PieceSlipped
 from controller.protocol.datagram_fields import Result
 from controller.wire.client import MotionOutcome
 from hardware.parameters import load_parameters
@@ -28,10 +28,13 @@ class Client:
     """Does what it is told; the pads feel what the test says from the carrying on."""
 
     lockstep, period = True, 0.001
-    telemetry = SimpleNamespace(warm=False)
 
-    def __init__(self, plan: Plan, felt: tuple[float, float]) -> None:
-        self._plan, self._felt = plan, felt
+    def __init__(self, plan: Plan, felt: tuple[float, float], aside: float, slides: bool) -> None:
+        self._plan, self._felt, self._aside, self._slides = plan, felt, aside, slides
+        zeros = (0.0, 0.0, 0.0)
+        self.telemetry = SimpleNamespace(
+            warm=False, admitting=True, tactile=(4.0, 4.0), reference=zeros, position=zeros, finger_position=0.0, tick=0
+        )
         self.done = 0
         self.stopped = False
 
@@ -42,30 +45,44 @@ class Client:
         result = Result.GRIPPED if grips else Result.TOUCHED if motion.touches else Result.DONE
         tactile = (4.0, 4.0) if grips else self._felt if motion.stage is Stage.CARRY else (0.0, 0.0)
         at = tuple(samples["position"][-1].tolist())
-        return MotionOutcome(result, 0, 10, 0.01, at, at, 0.01, 1.0, 4.0, tactile)  # type: ignore[arg-type]
+        finger = (motion.seats_at or 0.0) + self._aside
+        self.telemetry.finger_position = motion.seats_at if self._slides else finger
+        return MotionOutcome(result, 0, 10, 0.01, at, at, finger, 1.0, 4.0, tactile)  # type: ignore[arg-type]
 
     def stop(self) -> None:
         self.stopped = True
 
+    def wait_standing(self) -> SimpleNamespace:
+        return self.telemetry
 
-def carried_out(felt: tuple[float, float]) -> Client:
+
+def carried_out(felt: tuple[float, float], aside: float = 0.0, *, slides: bool = False) -> Client:
     board = chess.Board()
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     ply = transfers(board, chess.Move.from_uci("e2e4"), inventory)
     plan = Planner.of(MOTION, load_parameters(), inventory.table, np.array(MOTION.home), 0.02, 8).ply(
         "e4", ply.transfers, inventory
     )
-    client = Client(plan, felt)
+    client = Client(plan, felt, aside, slides)
     arm = ControllerArm(client)  # type: ignore[arg-type]
     try:
         arm.execute(plan)
     finally:
-        assert client.stopped == (min(felt) < 0.5)
+        assert client.stopped == (min(felt) < 0.5 or aside > ASIDE)
     return client
 
 
 def test_a_piece_between_both_pads_is_set_down() -> None:
     assert carried_out((3.8, 4.1)).done == 4
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_piece_that_the_pads_edges_hold_is_not_lifted(slides: bool) -> None:
+    assert carried_out((3.8, 4.1), 0.0004, slides=slides).done == 4
+    with pytest.raises(GraspedAside, match=r"^could not grasp pawn on e2: the pads held it by their edges") as held:
+        carried_out((3.8, 4.1), 0.0034, slides=slides)
+    assert held.value.seated == slides
+    assert held.value.finger_position == pytest.approx(0.0012 if slides else 0.0046, abs=1e-4)
 
 
 @pytest.mark.parametrize("felt", [(0.0, 0.0), (4.0, 0.1)])

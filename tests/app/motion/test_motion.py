@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import random
 
 import chess
@@ -14,11 +15,13 @@ from hypothesis import strategies as st
 from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile, contact_speeds
 from app.motion.gain_schedule import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
+from app.motion.off_centre import aside
 from app.motion.path import Vector
 from app.motion.settings import Gains
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
+from app.rig.arm import ASIDE
 from app.rig.simulation.nominal_view import nominal_view
 from controller.model.constants import DeltaModel
 from controller.model.workspace import seated
@@ -356,6 +359,17 @@ def test_a_gripper_that_cannot_open_wide_enough_is_refused():
     ply, inventory = games(1, 1)[0]
     with pytest.raises(PlanRefused, match=r"fingers \d+\.\d mm open, the gripper opens 5\.0 mm: use thinner"):
         Planner.of(MOTION, narrow, inventory.table, HOME, OPEN).ply(ply.san, ply.transfers, inventory)
+
+
+@given(st.sampled_from([*Kind]), st.floats(0.35, 0.99))
+def test_how_far_aside_a_stem_stands_follows_from_how_far_the_pads_edges_close(kind, oblique):
+    """An edge meets the stem where its circle is that wide: obliquely, else the stem would slide into the groove."""
+    pads, radius = PARAMETERS.pads, PIECE_SHAPES[kind].stem_radius
+    off = pads.half_width - radius * math.sqrt(1.0 - oblique**2)
+    assert aside(kind, pads, oblique * radius) == pytest.approx(off, abs=1e-9)
+    assert aside(kind, pads, 2.0 * radius) == pads.half_width, "no stem is that wide"
+    self_locking = math.cos(math.atan(1.3 * pads.friction)) * radius  # with as much friction as is ever drawn
+    assert self_locking - closed_position(kind, pads) > 2.0 * ASIDE, "which tells it from a stem in the middle"
 
 
 def test_closed_fingers_touch_the_stem():
