@@ -125,7 +125,7 @@ class _RoundProgress:
 
     @property
     def until(self) -> float:
-        """Plant time of its end [s]; one that broke off lasted to its last event."""
+        """Plant time of its end [s]; one that was interrupted lasted to its last event."""
         return self.plant_time or self.round.record.events[-1].plant_time
 
 
@@ -243,6 +243,7 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
         raise
     except (*EXPECTED_FAILURES, EngineProblem) as error:
         so_far.failures.append(_cause(rig, error))
+        so_far.plant_time = rig.clock.now()  # what failed may have lasted long, and the film shows it
 
 
 def _cause(rig: Rig, error: Exception) -> str:

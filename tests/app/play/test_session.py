@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from app import UserError
 from app.play import session
-from app.play.session import _cause
+from app.play.session import _cause, _play, _RoundProgress
+from app.rig.board import BoardClock
 from hardware.interfaces import HardwareError, RigGone
+
+_SILENT: Any = None
+"""A user interface that is told nothing."""
 
 
 class Dying:
@@ -37,3 +43,22 @@ def test_where_nothing_is_found_to_have_ended_the_error_is_told(monkeypatch: pyt
     monkeypatch.setattr(session, "_SOCKETS_FIRST", 0.0)
     rig: Any = Dying(found=10**9)
     assert _cause(rig, RigGone("reset by peer")) == "reset by peer"
+
+
+@pytest.mark.parametrize(
+    ("error", "until"), [(UserError("could not grasp the knight"), 9.5), (KeyboardInterrupt(), 4.75)]
+)
+def test_a_game_that_failed_lasted_as_long_as_what_was_tried(error: BaseException, until: float) -> None:
+    """What an interruption broke off has no end in plant time but its last event: when it came is not repeatable."""
+    clock = BoardClock()
+
+    def play() -> None:
+        clock.sleep(9.5)
+        raise error
+
+    last = SimpleNamespace(plant_time=4.75)
+    playing: Any = SimpleNamespace(play=play, record=SimpleNamespace(events=[last]))
+    rig: Any = SimpleNamespace(clock=clock, failure=lambda: None)
+    so_far = _RoundProgress(playing)
+    _play(rig, so_far, _SILENT)
+    assert so_far.until == until
