@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -125,7 +125,7 @@ class _RoundProgress:
 
     @property
     def until(self) -> float:
-        """Plant time of its end [s]; one that was interrupted lasted to its last event."""
+        """Plant time of its end [s]; one that was interrupted, or whose rig has ended, lasted to its last event."""
         return self.plant_time or self.round.record.events[-1].plant_time
 
 
@@ -243,7 +243,8 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
         raise
     except (*EXPECTED_FAILURES, EngineProblem) as error:
         so_far.failures.append(_cause(rig, error))
-        so_far.plant_time = rig.clock.now()  # what failed may have lasted long, and the film shows it
+        with suppress(ControllerError, HardwareError):  # what has ended tells no time
+            so_far.plant_time = rig.clock.now()  # what failed may have lasted long, and the film shows it
 
 
 def _cause(rig: Rig, error: Exception) -> str:

@@ -45,20 +45,33 @@ def test_where_nothing_is_found_to_have_ended_the_error_is_told(monkeypatch: pyt
     assert _cause(rig, RigGone("reset by peer")) == "reset by peer"
 
 
+class Lab(BoardClock):
+    """A rig that tells its time unless it has ended, and a round on it that breaks off at 9.5 s."""
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__()
+        self.error, self.record, self.clock = error, SimpleNamespace(events=[SimpleNamespace(plant_time=4.75)]), self
+
+    def play(self) -> None:
+        self.sleep(9.5)
+        raise self.error
+
+    def failure(self) -> str | None:
+        return "the simulated world has ended" if isinstance(self.error, RigGone) else None
+
+    def now(self) -> float:
+        if isinstance(self.error, RigGone):
+            raise self.error
+        return super().now()
+
+
 @pytest.mark.parametrize(
-    ("error", "until"), [(UserError("could not grasp the knight"), 9.5), (KeyboardInterrupt(), 4.75)]
+    ("error", "until"),
+    [(UserError("could not grasp the knight"), 9.5), (RigGone("reset by peer"), 4.75), (KeyboardInterrupt(), 4.75)],
 )
 def test_a_game_that_failed_lasted_as_long_as_what_was_tried(error: BaseException, until: float) -> None:
     """What an interruption broke off has no end in plant time but its last event: when it came is not repeatable."""
-    clock = BoardClock()
-
-    def play() -> None:
-        clock.sleep(9.5)
-        raise error
-
-    last = SimpleNamespace(plant_time=4.75)
-    playing: Any = SimpleNamespace(play=play, record=SimpleNamespace(events=[last]))
-    rig: Any = SimpleNamespace(clock=clock, failure=lambda: None)
-    so_far = _RoundProgress(playing)
-    _play(rig, so_far, _SILENT)
+    lab: Any = Lab(error)
+    so_far = _RoundProgress(lab)
+    _play(lab, so_far, _SILENT)
     assert so_far.until == until
