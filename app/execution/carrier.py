@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.board_height import BoardHeight
 from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, is_over_box, progress_of
 from app.execution.pauses import Permission
-from app.execution.state import Attendant, Carried, Clearance, Devices, Job
+from app.execution.state import Attendant, Begun, Carried, Clearance, Devices, Job, PlannedPush
+from app.motion.off_centre import UntriedSides
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.order import Point
 from app.records import GameRecord
 from app.rig.arm import (
+    ASIDE,
     FELT,
     ArmAtRest,
     ArmGaveWay,
@@ -37,7 +39,7 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.execution.fallen import Leaning
     from app.execution.recovery_plans import Blocked
-    from app.motion import Motion, MotionSettings, Plan, Planner
+    from app.motion import Motion, MotionSettings, Planner
     from vision.pieces.lying_or_standing import MisplacedPiece
 
 MOST_PAUSES = 20
@@ -52,22 +54,6 @@ HELD_UP = 0.001
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
 SPARED = "the servomotors are close to what they are rated for: the arm moves more slowly until they have cooled"
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedPush:
-    """The piece that is pushed aside, and how."""
-
-    name: str
-    plan: Plan
-
-
-@dataclass(frozen=True, slots=True)
-class Begun:
-    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
-
-    transfer: int
-    stage: Stage
 
 
 class Carrier:
@@ -137,22 +123,19 @@ class Carrier:
         state = self._devices.arm.state()
         self._step, self.midway = begun, begun is not None
         pauses, yields, resumed = 0, 0, begun is not None
-        asides = dict[int, list[Transfer]]()
+        sides = UntriedSides(self._parameters.pads, inventory.table)
         while True:
             progress: Progress | None = None
             try:
-                if self._step is not None:
-                    step = self._step
-                    progress = progress_of(job.transfers, step.transfer, step.stage, state, inventory.table)
-                    self._ui.phase(progress.explain(job.label, job.transfers))
+                progress = self._progress(job, state, inventory)
                 self.permission.await_clear(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
                 self.midway = False
                 self._tell_spared(done)
                 return Carried(planned, done, resumed)
-            except GraspedAside as failure:
-                job = self._beside(job, inventory, failure, asides)
-            except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
+            except (GraspedAside, GraspFailed) as failure:
+                job = self._beside(job, inventory, failure, sides)
+            except (NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
             except ArmStopped as stopped:
                 self.permission.await_go(stopped)
@@ -170,10 +153,13 @@ class Carrier:
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
                 self._ui.phase(f"continuing after a pause: {pause}")
-            except UserError as refused:  # by the planner: the fingers do not get at one of the sides
-                if self._step is None or self._step.transfer not in asides:
+            except UserError as refused:
+                from app.motion import PlanRefused
+
+                beside = progress is not None and not progress.holding and sides.knows(progress.done)
+                if not (beside and isinstance(refused, PlanRefused)):  # the fingers do not get at one of the sides
                     raise
-                job = self._beside(job, inventory, refused, asides)
+                job = self._beside(job, inventory, refused, sides)
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
@@ -286,6 +272,21 @@ class Carrier:
             self._motion, self._parameters, inventory.table, state.reference, state.finger, arm.lead_ticks
         )
 
+    def _progress(self, job: Job, state: ArmAtRest, inventory: Inventory) -> Progress | None:
+        """How far a job is; None: nothing of it was begun. What the pads hold by their edges is not lifted so, but
+        grasped again.
+        """
+        from app.motion.obstacles import closed_position
+
+        if (step := self._step) is None:
+            return None
+        progress = progress_of(job.transfers, step.transfer, step.stage, state, inventory.table)
+        if step.stage is Stage.GRASP:
+            middle = closed_position(job.transfers[step.transfer].kind, self._parameters.pads)
+            progress = replace(progress, holding=progress.holding and state.finger <= middle + ASIDE)
+        self._ui.phase(progress.explain(job.label, job.transfers))
+        return progress
+
     def _rest(
         self, job: Job, state: ArmAtRest, inventory: Inventory, progress: Progress | None
     ) -> tuple[float, Outcome]:
@@ -328,15 +329,12 @@ class Carrier:
             for listener in self._listeners:
                 listener(job.uci)
 
-    def _beside(self, job: Job, inventory: Inventory, failure: UserError, asides: dict[int, list[Transfer]]) -> Job:
-        """The job with its piece taken further to one side, then to the other: on which it stands, no pad feels.
+    def _beside(self, job: Job, inventory: Inventory, failure: UserError, sides: UntriedSides) -> Job:
+        """The job as it is tried next, after the fingers did not close around a piece as they should.
 
-        What has slid into the grooves meanwhile is carried as it is.
-
-        ``asides`` are, by transfer, the sides that are left. Raises ``CarryFailed`` where none is.
+        What has slid into their grooves is carried. What the pads' edges hold is taken further to one side, then to the
+        other; where a camera can tell where it stands, and where neither is left, the job has failed.
         """
-        from app.motion.off_centre import either_side
-
         assert self._step is not None
         index = self._step.transfer
         transfer = job.transfers[index]
@@ -344,12 +342,11 @@ class Carrier:
             self._ui.phase(str(failure))
             if failure.seated:
                 return job
-            if index not in asides:
-                asides[index] = either_side(transfer, failure.finger_position, self._parameters.pads, inventory.table)
-        if not asides[index]:
-            raise self._failed(job, inventory, failure) from failure
+            if self._devices.camera is None:
+                sides.note(index, transfer, failure.finger_position, failure)
+        if (beside := sides.next(index)) is None:
+            raise self._failed(job, inventory, sides.cause(index, failure)) from failure
         self._go_home(inventory, transfer.kind)
-        beside = asides[index].pop(0)
         return replace(job, transfers=(*job.transfers[:index], beside, *job.transfers[index + 1 :]))
 
     def _failed(self, job: Job, inventory: Inventory, failure: UserError) -> CarryFailed:

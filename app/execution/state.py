@@ -10,7 +10,7 @@ import chess
 import chess.engine
 
 from app import UserError
-from app.pieces.inventory import Inventory, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from app.players.ending import GameEnd
 from app.records import History, PlyOutcome
 from app.records.history import Unfinished
@@ -23,6 +23,7 @@ from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard
+    from app.motion import Plan
     from vision.pieces.lying_or_standing import MisplacedPiece
 
 
@@ -114,6 +115,22 @@ class Remark:
 
 
 NO_REMARK: Final = Remark()
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPush:
+    """The piece that is pushed aside, and how."""
+
+    name: str
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
+
+    transfer: int
+    stage: Stage
 
 
 @dataclass(frozen=True, slots=True)

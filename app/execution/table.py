@@ -15,9 +15,20 @@ import chess
 import chess.engine
 
 from app import UserError
-from app.execution.carrier import Begun, Carrier
+from app.execution.carrier import Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, goal_of
-from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
+from app.execution.state import (
+    FRAME_AGE,
+    NO_REMARK,
+    AwaitedReply,
+    Begun,
+    Devices,
+    Job,
+    JobDone,
+    Position,
+    Remark,
+    changed,
+)
 from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of

@@ -85,6 +85,8 @@ class PageServer:
             ready()
         try:
             await serving
+            # whose request was cut off may have a process to end; the loop would cut that off, too
+            await asyncio.gather(*self._server.server_state.tasks, return_exceptions=True)
         finally:
             self.telemetry.close()
             for task in background:

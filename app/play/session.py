@@ -244,7 +244,7 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
     except (*EXPECTED_FAILURES, EngineProblem) as error:
         so_far.failures.append(_cause(rig, error))
         with suppress(ControllerError, HardwareError):  # what has ended tells no time
-            so_far.plant_time = rig.clock.now()  # what failed may have lasted long, and the film shows it
+            so_far.plant_time = _stands_at(rig)  # what failed may have lasted long, and the film shows it
 
 
 def _cause(rig: Rig, error: Exception) -> str:
@@ -269,12 +269,17 @@ def _result(so_far: _RoundProgress, *, rested: bool) -> SessionResult:
 
 
 def _take_stock(rig: Rig, so_far: _RoundProgress) -> None:
-    """The last state of a world; once plant time stands, so that a repeated run ends in the same tick."""
-    rig.arm.state()
-    so_far.plant_time = rig.clock.now()
+    """The last state of a world."""
+    so_far.plant_time = _stands_at(rig)
     if rig.referee is not None:
         truth, run = rig.referee.look()
         so_far.speed, so_far.world_state = run.ratio, truth.state_sha256
+
+
+def _stands_at(rig: Rig) -> float:
+    """Plant time once it stands [s], so that a repeated run ends in the same tick."""
+    rig.arm.state()
+    return rig.clock.now()
 
 
 @contextmanager

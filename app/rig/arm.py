@@ -55,17 +55,16 @@ class GraspedAside(UserError):
     """The fingers closed on a piece that stands so far aside that their edges hold it: lifted, it would slip.
 
     Attributes:
-        finger_position: where they have come to [m].
+        finger_position: where they closed [m].
         seated: what they hold has slid into their grooves since, so that it can be lifted.
     """
 
-    def __init__(self, motion: Motion, finger_position: float) -> None:
+    def __init__(self, motion: Motion, finger_position: float, *, seated: bool) -> None:
         super().__init__(
             f"could not {motion.label}: the pads held it by their edges, {finger_position * 1e3:.1f} mm from the "
             "middle; does the piece stand where the game expects it?"
         )
-        self.finger_position = finger_position
-        self.seated = motion.seats_at is not None and finger_position <= motion.seats_at + ASIDE
+        self.finger_position, self.seated = finger_position, seated
 
 
 class PieceSlipped(UserError):
@@ -278,7 +277,8 @@ class ControllerArm:
                 raise GraspFailed(motion, done.finger_position)
             if motion.seats_at is not None and done.finger_position > motion.seats_at + ASIDE:
                 self._client.stop()
-                raise GraspedAside(motion, self._slid(motion.seats_at + ASIDE))
+                seated = self._slides_in(motion.seats_at + ASIDE)
+                raise GraspedAside(motion, done.finger_position, seated=seated)
             if motion.touches and not done.touched:
                 self._client.stop()
                 raise NothingTouched(motion)
@@ -293,12 +293,14 @@ class ControllerArm:
         duration = (end_tick - first_tick) * self._client.period
         return Outcome(duration, torque, force, end_tick, self._client.telemetry.warm, touched)
 
-    def _slid(self, seated: float) -> float:
-        """Where fingers come to that hold a piece by their edges: it may slide into their grooves, if slowly [m]."""
+    def _slides_in(self, seated: float) -> bool:
+        """Whether what the pads hold by their edges slides into their grooves after all, if slowly: then the fingers
+        come to a position [m], and feel it.
+        """
         until = time.monotonic() + SLIDES
         while (state := self.state()).finger > seated and not self._client.lockstep and time.monotonic() < until:
             time.sleep(self._client.period)
-        return state.finger
+        return state.finger <= seated and state.felt >= FELT
 
     def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
         try:

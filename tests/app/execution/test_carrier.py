@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,20 +12,31 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.carrier import SPARED, Begun, Carrier
+from app.execution.carrier import SPARED, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
-from app.execution.state import Attendant, Clearance, Devices, Job
+from app.execution.state import Attendant, Begun, Clearance, Devices, Job
 from app.game.person import GameLeft, UnattendedAttendant
-from app.motion import Motion, MotionSettings, Plan, Planner
-from app.pieces.inventory import Inventory, Stage
+from app.motion import Motion, MotionSettings, Plan, Planner, PlanRefused
+from app.motion.obstacles import closed_position
+from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.players.commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
-from app.rig.arm import TOUCH_ERROR, ArmAtRest, ArmStopped, GraspedAside, Outcome, TouchedElsewhere
+from app.records.files import NotWritten
+from app.rig.arm import (
+    TOUCH_ERROR,
+    ArmAtRest,
+    ArmPaused,
+    ArmStopped,
+    GraspedAside,
+    GraspFailed,
+    Outcome,
+    TouchedElsewhere,
+)
 from app.terminal.game_display import UserInterface
 from hardware.parameters import load_parameters
 from hardware.piece_set import PIECE_SHAPES, Kind
@@ -78,35 +89,54 @@ class Arm:
 
 
 class Grasping(Arm):
-    """Closes on a piece that stands ``aside`` of where it is believed to, along z₂ [m]; the pads take what is near."""
+    """Closes on a piece that stands ``aside`` of where it is believed to, along z₂ [m]: the pads take what is near,
+    hold by their edges what is less so, and squeeze away what is far.
 
-    TAKES, SEEN = 0.002, 0.0037
+    ``meanwhile`` is called as a motion begins, with the motion; at what it raises the arm rests.
+    """
 
-    def __init__(self, aside: float, *, slides: bool = False) -> None:
+    TAKES, HOLDS = 0.002, 0.008
+
+    def __init__(
+        self, aside: float, *, slides: bool = False, meanwhile: Callable[[Motion], None] = lambda _: None
+    ) -> None:
         super().__init__()
-        self.aside, self.closed_at, self.slides, self.felt = aside, list[float](), slides, 0.0
+        self.aside, self.slides, self.meanwhile = aside, slides, meanwhile
+        self.closed_at, self.lifted, self.felt, self.finger = list[float](), list[float](), 0.0, 0.01
 
     def state(self) -> ArmAtRest:
-        return ArmAtRest(self.at, 0.01, 0, self.felt)
+        return ArmAtRest(self.at, self.finger, 0, self.felt)
 
     settle = state
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        assert not self.stopped, "nobody has said 'go'"
         for motion in plan.motions:
             if begin is not None:
                 begin(motion)
+            if motion.stage is Stage.CARRY:
+                self.lifted.append(self.finger)
             if motion.seats_at is not None:
-                at, believed = motion.samples["position"][-1], TABLE.base_from_board([*TABLE.xy(KNIGHT.place), 0.0])
-                self.closed_at.append(float(at[1] - believed[1]))
-                if abs(self.closed_at[-1] - self.aside) > self.TAKES:
-                    self.at = np.array(at)
-                    if self.slides:
-                        self.felt = 4.0
-                        raise GraspedAside(motion, motion.seats_at)
-                    radius = PIECE_SHAPES[Kind.KNIGHT].stem_radius
-                    edge = PARAMETERS.pads.half_width - self.SEEN
-                    raise GraspedAside(motion, math.sqrt(radius**2 - edge**2))
+                self._close(motion)
+            self.meanwhile(motion)
+            if motion.stage in (Stage.RELEASE, None):
+                self.finger, self.felt = 0.01, 0.0
+            self.at = np.array(motion.samples["position"][-1])
         return super().execute(plan)
+
+    def _close(self, motion: Motion) -> None:
+        self.at, believed = motion.samples["position"][-1], TABLE.base_from_board([*TABLE.xy(KNIGHT.place), 0.0])
+        self.closed_at.append(float(self.at[1] - believed[1]))
+        off, pads = abs(self.closed_at[-1] - self.aside), PARAMETERS.pads
+        if off > self.HOLDS:
+            self.finger, self.felt = 0.0, 0.0
+            raise GraspFailed(motion, self.finger)
+        self.finger, self.felt = closed_position(Kind.KNIGHT, pads), 4.0
+        if off > self.TAKES:
+            edge = math.sqrt(PIECE_SHAPES[Kind.KNIGHT].stem_radius ** 2 - (pads.half_width - off) ** 2)
+            self.finger = self.finger if self.slides else edge
+            self.meanwhile(motion)
+            raise GraspedAside(motion, edge, seated=self.slides)
 
 
 class Guard:
@@ -132,11 +162,11 @@ class Going:
 
 
 def carrier_of(
-    arm: Arm, guard: Guard | None, folder: Path, attendant: Attendant | None = None
+    arm: Arm, guard: Guard | None, folder: Path, attendant: Attendant | None = None, camera: object = None
 ) -> tuple[Carrier, GameRecord]:
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
-    devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
+    devices: Any = Devices(arm, clock, camera, None, guard)  # type: ignore[arg-type]
     attendant = attendant or UnattendedAttendant(None, UserInterface())
     return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS, attendant), record
 
@@ -152,14 +182,24 @@ BELIEVED = plan_stand_up(_PLANNER, FREE, [FREE], STANDS).motions[0].touches_at o
 FELT_AT = plan_feeling_board(_PLANNER, FREE, [FREE], STANDS).expected
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.0037, -0.0037])
-def test_a_piece_that_stands_aside_is_taken_there(tmp_path: Path, aside: float) -> None:
+KNIGHTS = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
+TO_C3 = Job("Nc3", KNIGHTS.transfers, uci=KNIGHTS.uci)
+
+
+@pytest.mark.parametrize(
+    ("aside", "closed_at"),
+    [(0.0, [0.0]), (0.0037, [0.0, 0.0019]), (-0.0037, [0.0, 0.0019, -0.0019]), (-0.006, [0.0, 0.0042, -0.0042])],
+)
+def test_a_piece_that_stands_aside_is_taken_further_to_its_side(
+    tmp_path: Path, aside: float, closed_at: list[float]
+) -> None:
+    """By so much that the grooves draw it in. On the wrong side the edges hold it again, or squeeze it away."""
     arm = Grasping(aside)
     carrier, record = carrier_of(arm, None, tmp_path)
-    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
-    carried = carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS)
-    assert arm.closed_at == pytest.approx([0.0, 0.0037, -0.0037][: 1 + [0.0, 0.0037, -0.0037].index(aside)], abs=2e-5)
+    carried = carrier.carry(TO_C3, STANDS)
+    assert arm.closed_at == pytest.approx(closed_at, abs=2e-5)
     assert arm.done == [*["home"] * (len(arm.closed_at) - 1), "Nc3"], "it opens, and goes home, before it tries again"
+    assert arm.lifted == [closed_position(Kind.KNIGHT, PARAMETERS.pads)]
     assert carried.resumed == bool(aside)
     assert not carrier.midway
     record.close()
@@ -168,23 +208,104 @@ def test_a_piece_that_stands_aside_is_taken_there(tmp_path: Path, aside: float) 
 def test_what_has_slid_into_the_grooves_is_carried_as_it_is(tmp_path: Path) -> None:
     arm = Grasping(0.0037, slides=True)
     carrier, record = carrier_of(arm, None, tmp_path)
-    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
-    assert carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS).resumed
+    assert carrier.carry(TO_C3, STANDS).resumed
     assert len(arm.closed_at) == 1
     assert arm.done == ["Nc3"]
     record.close()
 
 
-def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path) -> None:
-    arm = Grasping(0.02)
+@pytest.mark.parametrize(("aside", "tries"), [(0.0075, 3), (0.02, 1)])
+def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path, aside: float, tries: int) -> None:
+    """Once it was held by the edges that is what is said, whatever is felt on its sides."""
+    arm = Grasping(aside)
+    arm.TAKES = 0.0
     carrier, record = carrier_of(arm, None, tmp_path)
-    ply = transfers(chess.Board(), chess.Move.from_uci("b1c3"), STANDS)
-    with pytest.raises(CarryFailed, match=r"^could not grasp knight on b1: .* held it by their edges") as failed:
-        carrier.carry(Job("Nc3", ply.transfers, uci=ply.uci), STANDS)
+    said = "the pads held it by their edges" if tries > 1 else "the fingers closed"
+    with pytest.raises(CarryFailed, match=rf"^could not grasp knight on b1: {said}") as failed:
+        carrier.carry(TO_C3, STANDS)
     assert failed.value.loss is Loss.NOT_GRIPPED
     assert failed.value.done == 0
-    assert len(arm.closed_at) == 3
-    assert arm.done == ["home"] * 3
+    assert len(arm.closed_at) == tries
+    assert arm.done == ["home"] * tries
+    record.close()
+
+
+def test_where_a_camera_looks_neither_side_is_tried_blindly(tmp_path: Path) -> None:
+    arm = Grasping(0.0037)
+    carrier, record = carrier_of(arm, None, tmp_path, camera=object())
+    with pytest.raises(CarryFailed, match="the pads held it by their edges"):
+        carrier.carry(TO_C3, STANDS)
+    assert len(arm.closed_at) == 1
+    record.close()
+
+
+def test_where_the_fingers_do_not_get_at_either_side_the_edges_are_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = Planner.ply
+
+    def ply(self: Planner, label: str, rest: Sequence[Transfer], now: Inventory, **how: Any) -> Plan:
+        if rest[0].seen is not None:
+            raise PlanRefused("at b1 the fingers would touch the bishop on c1")
+        return plain(self, label, rest, now, **how)
+
+    monkeypatch.setattr(Planner, "ply", ply)
+    arm = Grasping(0.0037)
+    carrier, record = carrier_of(arm, None, tmp_path)
+    with pytest.raises(CarryFailed, match="the pads held it by their edges"):
+        carrier.carry(TO_C3, STANDS)
+    assert len(arm.closed_at) == 1
+    record.close()
+
+
+def interrupting(stage: Stage, *errors: Exception) -> Callable[[Motion], None]:
+    """Raises them, one each time something of a stage begins."""
+    left = list(errors)
+
+    def interrupt(motion: Motion) -> None:
+        if motion.stage is stage and left:
+            raise left.pop(0)
+
+    return interrupt
+
+
+def test_what_the_edges_hold_as_a_hand_comes_is_not_lifted_either(tmp_path: Path) -> None:
+    arm = Grasping(0.0037, meanwhile=interrupting(Stage.GRASP, ArmPaused("late")))
+    carrier, record = carrier_of(arm, None, tmp_path)
+    carrier.carry(TO_C3, STANDS)
+    assert arm.closed_at == pytest.approx([0.0, 0.0, 0.0019], abs=2e-5)
+    assert arm.lifted == [closed_position(Kind.KNIGHT, PARAMETERS.pads)]
+    record.close()
+
+
+@pytest.mark.parametrize("error", [NotWritten("no space left", "choose another folder"), GameLeft(Word.QUIT)])
+def test_after_a_piece_was_taken_to_a_side_every_other_trouble_is_told_as_ever(
+    tmp_path: Path, error: Exception
+) -> None:
+    arm = Grasping(0.0037, meanwhile=interrupting(Stage.CARRY, error))
+    carrier, record = carrier_of(arm, None, tmp_path)
+    with pytest.raises(type(error)):
+        carrier.carry(TO_C3, STANDS)
+    assert arm.felt, "and it is held as it was"
+    record.close()
+
+
+def test_a_piece_in_the_fingers_is_not_let_go_of_where_its_way_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = Planner.ply
+
+    def ply(self: Planner, label: str, rest: Sequence[Transfer], now: Inventory, **how: Any) -> Plan:
+        if how["holding"]:
+            raise PlanRefused("leads out of the workspace")
+        return plain(self, label, rest, now, **how)
+
+    monkeypatch.setattr(Planner, "ply", ply)
+    arm = Grasping(0.0037, meanwhile=interrupting(Stage.CARRY, ArmPaused("late")))
+    carrier, record = carrier_of(arm, None, tmp_path)
+    with pytest.raises(PlanRefused):
+        carrier.carry(TO_C3, STANDS)
+    assert arm.felt
     record.close()
 
 

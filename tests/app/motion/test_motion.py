@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile, contact_speeds
 from app.motion.gain_schedule import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
-from app.motion.off_centre import aside
+from app.motion.off_centre import DRAWN_IN, aside, either_side
 from app.motion.path import Vector
 from app.motion.settings import Gains
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
@@ -370,6 +370,21 @@ def test_how_far_aside_a_stem_stands_follows_from_how_far_the_pads_edges_close(k
     assert aside(kind, pads, 2.0 * radius) == pads.half_width, "no stem is that wide"
     self_locking = math.cos(math.atan(1.3 * pads.friction)) * radius  # with as much friction as is ever drawn
     assert self_locking - closed_position(kind, pads) > 2.0 * ASIDE, "which tells it from a stem in the middle"
+
+
+@given(st.sampled_from([*Kind]), st.floats(0.35, 1.5))
+def test_either_side_is_far_enough_for_the_grooves_and_no_further(kind, oblique):
+    _, inventory = games(1, 1)[0]
+    transfer = Transfer.of(next(piece for piece in inventory if piece.kind is kind), Place.parse("e4"))
+    pads, finger = PARAMETERS.pads, oblique * PIECE_SHAPES[kind].stem_radius
+    sides = either_side(transfer, finger, pads, TABLE)
+    if oblique > 1.0:
+        assert not sides, "something else is between the fingers"
+        return
+    middle = TABLE.base_from_board(np.array([*transfer.grasped_at(TABLE), 0.0]))
+    seen = [TABLE.base_from_board(np.array([*side.seen, 0.0])) - middle for side in sides]
+    off = aside(kind, pads, finger) - DRAWN_IN
+    assert np.array(seen) == pytest.approx(np.array([[0.0, off, 0.0], [0.0, -off, 0.0]]), abs=1e-9)
 
 
 def test_closed_fingers_touch_the_stem():

@@ -6,7 +6,6 @@ import asyncio
 import json
 import socket
 import threading
-from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -69,18 +68,19 @@ class Stage:
         self.stopped = False
         self._stoppable = stoppable
         self._folder = folder
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, name="stage", daemon=True)
         self.page: PageServer
-        self._serving: Future[None]
+        self._loop: asyncio.AbstractEventLoop
+        self._thread: threading.Thread
 
     def __enter__(self) -> Self:
         entrance = open_entrance(PageSection(port=0))
         self.address = entrance.address
         ours, theirs = socket.socketpair()
         ready = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(entrance, theirs, ready)), name="stage", daemon=True
+        )
         self._thread.start()
-        self._serving = asyncio.run_coroutine_threadsafe(self._serve(entrance, theirs, ready), self._loop)
         assert ready.wait(PATIENCE)
         self.game.publisher.connect(ours)
         self.game.begin()
@@ -91,13 +91,12 @@ class Stage:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._loop.call_soon_threadsafe(self.page.stop)
-        self._serving.result(PATIENCE)
-        self.game.publisher.disconnect()
-        self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(PATIENCE)
-        self._loop.close()
+        assert not self._thread.is_alive(), "the page ends, and everything that it still made"
+        self.game.publisher.disconnect()
 
     async def _serve(self, entrance: Entrance, game: socket.socket, ready: threading.Event) -> None:
+        self._loop = asyncio.get_running_loop()
         feed = await Feed.of(game)
         page = self.page = PageServer(entrance, self._folder, feed.say)
         if self._stoppable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import gzip
 import http.client
 import json
@@ -11,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -504,6 +506,18 @@ def test_more_wishes_than_can_be_made_are_refused(page: ServedPage, monkeypatch:
     answer = page.get("/games/match/record.json")
     assert answer.status == 503
     assert b"try again in a moment" in answer.content  # type: ignore[attr-defined]
+
+
+def test_what_is_still_made_ends_with_the_page(games: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    maker, begun = tmp_path / "maker", tmp_path / "begun"
+    maker.write_text(f"#!/bin/sh\necho $$ > {begun}\nexec sleep 600\n")
+    maker.chmod(0o700)
+    monkeypatch.setattr(shower, "sys", SimpleNamespace(executable=str(maker)))
+    with served(games) as page, socket.create_connection(("127.0.0.1", page.port), PATIENCE) as browser:
+        browser.sendall(b"GET /games/match/report.html HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % page.port)
+        until(lambda: begun.exists() and begun.read_text().endswith("\n"))
+    assert not Path(f"/proc/{int(begun.read_text())}").exists(), "nobody would ever end it, nor wait for it"
+    gc.collect()  # what was left open warns, which fails the test
 
 
 def test_several_ask_for_the_same_at_once(page: ServedPage) -> None:

@@ -51,10 +51,14 @@ class Lab(BoardClock):
     def __init__(self, error: BaseException) -> None:
         super().__init__()
         self.error, self.record, self.clock = error, SimpleNamespace(events=[SimpleNamespace(plant_time=4.75)]), self
+        self.arm = SimpleNamespace(state=self._come_to_rest)
 
     def play(self) -> None:
         self.sleep(9.5)
         raise self.error
+
+    def _come_to_rest(self) -> None:
+        self.sleep(0.25)
 
     def failure(self) -> str | None:
         return "the simulated world has ended" if isinstance(self.error, RigGone) else None
@@ -67,7 +71,7 @@ class Lab(BoardClock):
 
 @pytest.mark.parametrize(
     ("error", "until"),
-    [(UserError("could not grasp the knight"), 9.5), (RigGone("reset by peer"), 4.75), (KeyboardInterrupt(), 4.75)],
+    [(UserError("could not grasp the knight"), 9.75), (RigGone("reset by peer"), 4.75), (KeyboardInterrupt(), 4.75)],
 )
 def test_a_game_that_failed_lasted_as_long_as_what_was_tried(error: BaseException, until: float) -> None:
     """What an interruption broke off has no end in plant time but its last event: when it came is not repeatable."""
