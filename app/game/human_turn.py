@@ -133,9 +133,10 @@ class HumanTurn:
         if self._table.permission.stopped is not self._stopped:  # somebody has pressed STOP while nothing moved
             self._prompt()
         self._notice.wake(True)
-        line = self._human.lines.next(POLL)
-        self._notice.wake(False)
-        return line
+        try:
+            return self._human.lines.next(POLL)
+        finally:
+            self._notice.wake(False)
 
     def _heed(self) -> GameEnd | None:
         """What has come from an opponent elsewhere; how the game has ended, if it has."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -125,7 +125,7 @@ class _RoundProgress:
 
     @property
     def until(self) -> float:
-        """Plant time of its end [s]; one that was interrupted, or whose rig has ended, lasted to its last event."""
+        """Plant time of its end [s]; one that broke off lasted to its last event."""
         return self.plant_time or self.round.record.events[-1].plant_time
 
 
@@ -243,8 +243,6 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
         raise
     except (*EXPECTED_FAILURES, EngineProblem) as error:
         so_far.failures.append(_cause(rig, error))
-        with suppress(ControllerError, HardwareError):  # what has ended tells no time
-            so_far.plant_time = _stands_at(rig)  # what failed may have lasted long, and the film shows it
 
 
 def _cause(rig: Rig, error: Exception) -> str:
@@ -269,17 +267,12 @@ def _result(so_far: _RoundProgress, *, rested: bool) -> SessionResult:
 
 
 def _take_stock(rig: Rig, so_far: _RoundProgress) -> None:
-    """The last state of a world."""
-    so_far.plant_time = _stands_at(rig)
+    """The last state of a world; once plant time stands, so that a repeated run ends in the same tick."""
+    rig.arm.state()
+    so_far.plant_time = rig.clock.now()
     if rig.referee is not None:
         truth, run = rig.referee.look()
         so_far.speed, so_far.world_state = run.ratio, truth.state_sha256
-
-
-def _stands_at(rig: Rig) -> float:
-    """Plant time once it stands [s], so that a repeated run ends in the same tick."""
-    rig.arm.state()
-    return rig.clock.now()
 
 
 @contextmanager

@@ -62,7 +62,7 @@ class GraspedAside(UserError):
     def __init__(self, motion: Motion, finger_position: float, *, seated: bool) -> None:
         super().__init__(
             f"could not {motion.label}: the pads held it by their edges, {finger_position * 1e3:.1f} mm from the "
-            "middle; does the piece stand where the game expects it?"
+            "middle; does the piece stand where the game expects it, and is it of the set that the game knows?"
         )
         self.finger_position, self.seated = finger_position, seated
 

@@ -16,13 +16,14 @@ from app.execution.carrier import SPARED, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
-from app.execution.state import Attendant, Begun, Clearance, Devices, Job
+from app.execution.state import Attendant, Begun, Clearance, Devices, Job, Position
 from app.game.person import GameLeft, UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan, Planner, PlanRefused
 from app.motion.obstacles import closed_position
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
+from app.play.table_setup import TableSetup
 from app.players.commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
@@ -162,11 +163,11 @@ class Going:
 
 
 def carrier_of(
-    arm: Arm, guard: Guard | None, folder: Path, attendant: Attendant | None = None, camera: object = None
+    arm: Arm, guard: Guard | None, folder: Path, attendant: Attendant | None = None
 ) -> tuple[Carrier, GameRecord]:
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
-    devices: Any = Devices(arm, clock, camera, None, guard)  # type: ignore[arg-type]
+    devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
     attendant = attendant or UnattendedAttendant(None, UserInterface())
     return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS, attendant), record
 
@@ -214,6 +215,19 @@ def test_what_has_slid_into_the_grooves_is_carried_as_it_is(tmp_path: Path) -> N
     record.close()
 
 
+def test_what_slides_into_the_grooves_again_and_again_and_out_of_them_is_not_grasped_for_ever(tmp_path: Path) -> None:
+    def out(motion: Motion) -> None:
+        arm.felt = 0.0
+
+    arm = Grasping(0.0037, slides=True, meanwhile=out)
+    arm.TAKES = 0.0
+    carrier, record = carrier_of(arm, None, tmp_path)
+    with pytest.raises(CarryFailed, match="the pads held it by their edges"):
+        carrier.carry(TO_C3, STANDS)
+    assert len(arm.closed_at) == 4
+    record.close()
+
+
 @pytest.mark.parametrize(("aside", "tries"), [(0.0075, 3), (0.02, 1)])
 def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path, aside: float, tries: int) -> None:
     """Once it was held by the edges that is what is said, whatever is felt on its sides."""
@@ -230,12 +244,21 @@ def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path, aside: f
     record.close()
 
 
-def test_where_a_camera_looks_neither_side_is_tried_blindly(tmp_path: Path) -> None:
+@pytest.mark.parametrize("looks", [False, True])
+def test_where_a_camera_follows_the_game_neither_side_is_tried_blindly(tmp_path: Path, looks: bool) -> None:
+    """One that only watches for the page, as against an engine by default, is asked nothing."""
     arm = Grasping(0.0037)
-    carrier, record = carrier_of(arm, None, tmp_path, camera=object())
-    with pytest.raises(CarryFailed, match="the pads held it by their edges"):
+    clock: Any = SimpleNamespace(now=lambda: 0.0)
+    devices: Any = Devices(arm, clock, object(), None, None)  # type: ignore[arg-type]
+    record = GameRecord.begin(tmp_path / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
+    setup = TableSetup(MOTION, PARAMETERS, looks, lambda _: None)
+    carrier = setup.table(devices, record, Position(chess.Board(), STANDS), UserInterface(), None)._carrier
+    if looks:
+        with pytest.raises(CarryFailed, match="the pads held it by their edges"):
+            carrier.carry(TO_C3, STANDS)
+    else:
         carrier.carry(TO_C3, STANDS)
-    assert len(arm.closed_at) == 1
+    assert len(arm.closed_at) == (1 if looks else 2)
     record.close()
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from app.game import GameEnd, human_turn
 from app.game.human_turn import HumanTurn
+from app.players.person import PersonGone
 from hardware.interfaces import HardwareError, RigGone
 from vision.reading.moves import MoveReading
 from vision.reading.outcome import ReadingOutcome, Situation
@@ -110,6 +111,30 @@ class Listening(HumanTurn):
         if isinstance(answer, Exception):
             raise answer
         return answer
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_the_guards_camera_is_awake_only_while_a_line_is_waited_for(gone: bool) -> None:
+    """In pace fast plant time runs for it: it would never stand again."""
+    woken = list[bool]()
+
+    def typed(_patience: float) -> str:
+        assert woken == [True]
+        if gone:
+            raise PersonGone
+        return "look"
+
+    turn = Listening()
+    turn._notice = cast(Any, SimpleNamespace(wake=woken.append))
+    turn._stopped = None
+    turn._table.permission = SimpleNamespace(stopped=None)
+    turn._human.lines = SimpleNamespace(next=typed)
+    if gone:
+        with pytest.raises(PersonGone):
+            HumanTurn._listen(turn)
+    else:
+        assert HumanTurn._listen(turn) == "look"
+    assert woken == [True, False]
 
 
 LEFT = GameEnd("*", "left", complete=False)
