@@ -66,7 +66,6 @@ class Carrier:
         motion: how it moves.
         parameters: of the robot.
         attendant: says 'go' after a STOP.
-        looks: whether somebody looks at the board where something went wrong.
 
     Where pieces lie or stand elsewhere, its methods are told which, as ``misplaced``; what should stand where, as
     ``stands``; and up to which hand the board was looked at, as ``seen``.
@@ -80,11 +79,9 @@ class Carrier:
         motion: MotionSettings,
         parameters: RobotParameters,
         attendant: Attendant,
-        *,
-        looks: bool = False,
     ) -> None:
         self._devices, self._record, self._ui = devices, record, ui
-        self._motion, self._parameters, self._looks = motion, parameters, looks
+        self._motion, self._parameters = motion, parameters
         self.permission = Permission(devices, record, ui, attendant)
         self._height = BoardHeight()
         self._spared = False
@@ -336,7 +333,8 @@ class Carrier:
         """The job as it is tried next, after the fingers did not close around a piece as they should.
 
         What has slid into their grooves is carried, once. What the pads' edges hold is taken further to one side, then
-        to the other; where somebody looks where it stands, and where neither is left, the job has failed.
+        to the other, also where a camera looks: as a rule that has been asked already, and the arm is not where it
+        thinks. Where neither is left the job has failed.
         """
         assert self._step is not None
         index = self._step.transfer
@@ -347,8 +345,7 @@ class Carrier:
             sides.note(index, transfer, failure.finger_position, failure)
             if slid:
                 return job
-        beside = None if self._looks else sides.next(index)
-        if beside is None:
+        if (beside := sides.next(index)) is None:
             raise self._failed(job, inventory, sides.cause(index, failure)) from failure
         self._go_home(inventory, transfer.kind)
         return replace(job, transfers=(*job.transfers[:index], beside, *job.transfers[index + 1 :]))

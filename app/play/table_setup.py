@@ -62,12 +62,11 @@ class TableSetup:
         attendant: Attendant = UnattendedAttendant(self.lines, ui)
         if human is not None:
             attendant = PersonAttendant(human.lines, ui, require=human.require, refusal=human.refusal)
-        looks = self.looks and devices.camera is not None
-        carrier = Carrier(devices, record, ui, self.motion, self.parameters, attendant, looks=looks)
+        carrier = Carrier(devices, record, ui, self.motion, self.parameters, attendant)
         if position.begun and human is None and carrier.permission.stopped:
             carrier.permission.go_on()  # whoever has said 'touchmove resume' has said so
         recovery = None
-        if looks:
+        if self.looks and devices.camera is not None:
             from app.execution.recovery import Recovery  # loads what sees: not where nobody looks
 
             observer = self.observer(devices, position.inventory.table, ui)

@@ -1,4 +1,4 @@
-"""Pieces further aside than the grooves draw in, where no camera looks: carrier, arm, controller and plant."""
+"""Pieces further aside than the grooves draw in: carrier, arm, controller and plant."""
 
 from __future__ import annotations
 

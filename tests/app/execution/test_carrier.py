@@ -16,14 +16,13 @@ from app.execution.carrier import SPARED, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
-from app.execution.state import Attendant, Begun, Clearance, Devices, Job, Position
+from app.execution.state import Attendant, Begun, Clearance, Devices, Job
 from app.game.person import GameLeft, UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan, Planner, PlanRefused
 from app.motion.obstacles import closed_position
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.play.table_setup import TableSetup
 from app.players.commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
@@ -241,24 +240,6 @@ def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path, aside: f
     assert failed.value.done == 0
     assert len(arm.closed_at) == tries
     assert arm.done == ["home"] * tries
-    record.close()
-
-
-@pytest.mark.parametrize("looks", [False, True])
-def test_where_a_camera_follows_the_game_neither_side_is_tried_blindly(tmp_path: Path, looks: bool) -> None:
-    """One that only watches for the page, as against an engine by default, is asked nothing."""
-    arm = Grasping(0.0037)
-    clock: Any = SimpleNamespace(now=lambda: 0.0)
-    devices: Any = Devices(arm, clock, object(), None, None)  # type: ignore[arg-type]
-    record = GameRecord.begin(tmp_path / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
-    setup = TableSetup(MOTION, PARAMETERS, looks, lambda _: None)
-    carrier = setup.table(devices, record, Position(chess.Board(), STANDS), UserInterface(), None)._carrier
-    if looks:
-        with pytest.raises(CarryFailed, match="the pads held it by their edges"):
-            carrier.carry(TO_C3, STANDS)
-    else:
-        carrier.carry(TO_C3, STANDS)
-    assert len(arm.closed_at) == (1 if looks else 2)
     record.close()
 
 
