@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.board_height import BoardHeight
-from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, is_over_box, progress_of
+from app.execution.interruption import Begun, CarryFailed, Loss, PieceLost, Progress, is_over_box, progress_of
 from app.execution.pauses import Permission
-from app.execution.state import Attendant, Begun, Carried, Clearance, Devices, Job, PlannedPush
+from app.execution.state import Attendant, Carried, Clearance, Devices, Job, PlannedPush
 from app.motion.off_centre import UntriedSides
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.order import Point

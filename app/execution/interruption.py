@@ -82,6 +82,14 @@ def goal_of(board: chess.Board, unfinished: Unfinished) -> chess.Board:
 
 
 @dataclass(frozen=True, slots=True)
+class Begun:
+    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
+
+    transfer: int
+    stage: Stage
+
+
+@dataclass(frozen=True, slots=True)
 class Progress:
     """How far a job is: so many transfers done; the next one's piece in the fingers, or not."""
 

@@ -10,7 +10,7 @@ import chess
 import chess.engine
 
 from app import UserError
-from app.pieces.inventory import Inventory, Stage, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from app.players.ending import GameEnd
 from app.records import History, PlyOutcome
 from app.records.history import Unfinished
@@ -123,14 +123,6 @@ class PlannedPush:
 
     name: str
     plan: Plan
-
-
-@dataclass(frozen=True, slots=True)
-class Begun:
-    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
-
-    transfer: int
-    stage: Stage
 
 
 @dataclass(frozen=True, slots=True)

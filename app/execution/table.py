@@ -16,19 +16,8 @@ import chess.engine
 
 from app import UserError
 from app.execution.carrier import Carrier
-from app.execution.interruption import BoardTouched, CarryFailed, goal_of
-from app.execution.state import (
-    FRAME_AGE,
-    NO_REMARK,
-    AwaitedReply,
-    Begun,
-    Devices,
-    Job,
-    JobDone,
-    Position,
-    Remark,
-    changed,
-)
+from app.execution.interruption import Begun, BoardTouched, CarryFailed, goal_of
+from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of

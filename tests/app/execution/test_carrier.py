@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import SPARED, Carrier
-from app.execution.interruption import BoardTouched, CarryFailed, Loss
+from app.execution.interruption import Begun, BoardTouched, CarryFailed, Loss
 from app.execution.pauses import WENT_ON
 from app.execution.recovery_plans import Blocked, plan_feeling_board, plan_stand_up
-from app.execution.state import Attendant, Begun, Clearance, Devices, Job
+from app.execution.state import Attendant, Clearance, Devices, Job
 from app.game.person import GameLeft, UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan, Planner, PlanRefused
 from app.motion.obstacles import closed_position
