@@ -243,17 +243,22 @@ def test_a_piece_that_is_on_neither_side_is_not_gripped(tmp_path: Path, aside: f
     record.close()
 
 
+def refuse(monkeypatch: pytest.MonkeyPatch, which: Callable[[Sequence[Transfer], bool], bool]) -> None:
+    """Have plans refused, by what is left to carry and whether its first piece is in the fingers."""
+    plain = Planner.ply
+
+    def ply(self: Planner, label: str, rest: Sequence[Transfer], now: Inventory, *, holding: bool, **how: Any) -> Plan:
+        if which(rest, holding):
+            raise PlanRefused("the fingers do not get there")
+        return plain(self, label, rest, now, holding=holding, **how)
+
+    monkeypatch.setattr(Planner, "ply", ply)
+
+
 def test_where_the_fingers_do_not_get_at_either_side_the_edges_are_the_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = Planner.ply
-
-    def ply(self: Planner, label: str, rest: Sequence[Transfer], now: Inventory, **how: Any) -> Plan:
-        if rest[0].seen is not None:
-            raise PlanRefused("at b1 the fingers would touch the bishop on c1")
-        return plain(self, label, rest, now, **how)
-
-    monkeypatch.setattr(Planner, "ply", ply)
+    refuse(monkeypatch, lambda rest, _: rest[0].seen is not None)
     arm = Grasping(0.0037)
     carrier, record = carrier_of(arm, None, tmp_path)
     with pytest.raises(CarryFailed, match="the pads held it by their edges"):
@@ -297,14 +302,7 @@ def test_after_a_piece_was_taken_to_a_side_every_other_trouble_is_told_as_ever(
 def test_a_piece_in_the_fingers_is_not_let_go_of_where_its_way_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = Planner.ply
-
-    def ply(self: Planner, label: str, rest: Sequence[Transfer], now: Inventory, **how: Any) -> Plan:
-        if how["holding"]:
-            raise PlanRefused("leads out of the workspace")
-        return plain(self, label, rest, now, **how)
-
-    monkeypatch.setattr(Planner, "ply", ply)
+    refuse(monkeypatch, lambda _, holding: holding)
     arm = Grasping(0.0037, meanwhile=interrupting(Stage.CARRY, ArmPaused("late")))
     carrier, record = carrier_of(arm, None, tmp_path)
     with pytest.raises(PlanRefused):
