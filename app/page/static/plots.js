@@ -1,7 +1,7 @@
 // The last 20 s in figures: tracking error, forces, stiffness, ticks, on one axis of plant time.
 
 import {announce, make, say, silence, toggle, useStyles} from './panels/dom.js';
-import {isDark, onTheme} from './panels/theme.js';
+import {coloursNow, onTheme} from './panels/theme.js';
 import {watchWhileSeen} from './panels/watch.js';
 import {robotAddress} from './panels/addresses.js';
 import {CHARTS, Recent, SPAN} from './plots/curves.js';
@@ -11,11 +11,7 @@ const PERIOD = 100; // [ms] between two drawings
 const HEIGHT = 132; // of a chart [px]
 const WORTH = 2; // a limit is drawn that is no further off than so many times what was measured
 const LOWEST = 158; // of the one with the axis of time
-const LINES = {
-  light: ['#0b6e83', '#b3400f', '#5b3fa0', '#6b7280'],
-  dark: ['#4cc3d9', '#ff9a6b', '#b9a4ff', '#9aa4b0'],
-};
-const INK = {light: ['#57606a', '#d0d7de'], dark: ['#a3adb8', '#2f3740']};
+const TOKENS = ['--muted', '--line', '--curve-0', '--curve-1', '--curve-2', '--curve-3']; // what a canvas is painted with
 
 /** Plots in an element what the store's telemetry says; returns what takes them out again. */
 export function mount(element, store) {
@@ -29,6 +25,7 @@ class Plots {
   constructor(element, store) {
     Object.assign(this, {store, recent: new Recent(), limits: null, path: null, timer: 0, paused: false, seen: false});
     this.charts = [];
+    this.colours = coloursNow(TOKENS);
     this.root = make('div', {class: 'tm-panel tm-plots'});
     this.state = make('p', {class: 'tm-sentence'}, 'Waiting for the arm …');
     this.live = make('p', {class: 'tm-hidden', role: 'status'});
@@ -70,11 +67,11 @@ class Plots {
       'aria-label': `${chart.title} over time; the table has the newest figures`,
     });
     this.root.append(make('div', {class: 'tm-figure'}, table, drawing));
-    const ink = (part) => () => INK[isDark() ? 'dark' : 'light'][part];
+    const paint = (token) => () => this.colours[token];
     const axis = {
-      stroke: ink(0),
-      grid: {stroke: ink(1), width: 1},
-      ticks: {stroke: ink(1), width: 1},
+      stroke: paint('--muted'),
+      grid: {stroke: paint('--line'), width: 1},
+      ticks: {stroke: paint('--line'), width: 1},
       font: '12px system-ui, sans-serif',
     };
     const plot = new uPlot(
@@ -108,7 +105,7 @@ class Plots {
             dash,
             points: {show: false},
             spanGaps: false,
-            stroke: () => LINES[isDark() ? 'dark' : 'light'][colour],
+            stroke: paint(`--curve-${colour}`),
           })),
         ],
         hooks: {setCursor: [(self) => this.read(self.cursor.idx)]},
@@ -201,6 +198,7 @@ class Plots {
   }
 
   recolour() {
+    this.colours = coloursNow(TOKENS);
     for (const {plot} of this.charts) plot.redraw(false, true);
   }
 }
@@ -229,5 +227,5 @@ function figure(value, digits) {
 
 /** A short piece of line as in the chart; its look is a class of the style sheet. */
 function swatch(colour, dash) {
-  return make('span', {class: `tm-swatch tm-line-${colour}${dash ? ' tm-dashed' : ''}`, 'aria-hidden': 'true'});
+  return make('span', {class: `tm-swatch tm-curve-${colour}${dash ? ' tm-dashed' : ''}`, 'aria-hidden': 'true'});
 }

@@ -3,9 +3,21 @@
 const query = window.matchMedia('(prefers-color-scheme: dark)');
 
 /** Whether the page is dark now. */
-export function isDark() {
+function isDark() {
   const chosen = document.documentElement.dataset.theme;
   return chosen === 'dark' || (chosen !== 'light' && query.matches);
+}
+
+/** The colours that the names of `tokens.css` stand for now, by name, for what is painted and not styled. */
+export function coloursNow(tokens) {
+  const probe = document.body.appendChild(document.createElement('span'));
+  const colourOf = (token) => {
+    probe.style.color = `var(${token})`;
+    return getComputedStyle(probe).color;
+  };
+  const colours = Object.fromEntries(tokens.map((token) => [token, colourOf(token)]));
+  probe.remove();
+  return colours;
 }
 
 /** Calls `changed(dark)` now and whenever that changes; returns what ends it. */

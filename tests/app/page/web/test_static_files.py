@@ -56,6 +56,20 @@ def test_the_page_links_to_all_modules_and_to_one_style_sheet(page: ServedPage) 
     assert not [name for name in linked if "three" in name or "uplot" in name], "those wait for their panels"
 
 
+def test_every_colour_is_a_name_of_one_sheet() -> None:
+    sheets = {sheet.name: sheet.read_text() for sheet in (STATIC / "css").glob("*.css")}
+    named = sheets.pop("tokens.css")
+    assert len(sheets) >= 4
+    own = {
+        name: re.findall(r"#[0-9a-fA-F]{3,8}\b(?=[^{]*[;}])|\b(?:rgb|hsl)a?\(", text) for name, text in sheets.items()
+    }
+    assert {name: colours for name, colours in own.items() if colours} == {}
+    known = set(re.findall(r"(--[\w-]+):", "".join([named, *sheets.values()])))
+    sources = [*sheets.values(), named, *(one.read_text() for one in STATIC.rglob("*.js") if "vendor" not in one.parts)]
+    used = {name for text in sources for name in re.findall(r"var\((--[\w-]+)[,)]|'(--[\w-]+)'", text)}
+    assert {one or other for one, other in used} <= known
+
+
 def test_modules_are_found_however_they_are_imported(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "index.html").write_text("")
