@@ -21,6 +21,7 @@ import typer.main
 
 from hardware.sim.clients.wire import world_pid
 from tests.controllers import Controller
+from tests.standstills import pytest_runtest_protocol, pytest_terminal_summary  # noqa: F401 (pytest calls them here)
 from tests.waiting import PATIENCE
 
 # "ci" draws the same examples on every machine and in every run, so that a failure is one of the change in hand;
