@@ -222,7 +222,8 @@ class Clearing:
 
     def _push(self, pairs: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
         """Whether one of two pieces that are in each other's way was pushed aside, or the board wants another look."""
-        pairs = [pair for pair in pairs if max(self.pushed[pair.name], self.pushed[pair.by]) < MOST_PUSHES]
+        pairs = [replace(pair, pushed=max(self.pushed[pair.name], self.pushed[pair.by])) for pair in pairs]
+        pairs = [pair for pair in pairs if pair.pushed < MOST_PUSHES]
         if not pairs:
             return False
         self._observer.forget_likeness()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -43,6 +44,8 @@ _HEAP: Final = 0.014
 """Nothing else is so near to its middle [m]."""
 _STIRRED: Final = 0.016
 """By so much it is pushed [m]."""
+_SHORT: Final = 0.004
+"""By so much less than it was meant to has a piece gone that is still in the way, for each push [m]."""
 LEANS: Final = 0.005
 """A piece no further from another may lean on it [m]."""
 
@@ -55,11 +58,13 @@ class Blocked:
         name: of the piece.
         by: name of the other.
         around: where the fingers would be around it, if that is not where it stands now.
+        pushed: so often one of the two was, which was not enough.
     """
 
     name: str
     by: str
     around: Obstacle | None = None
+    pushed: int = 0
 
 
 def in_order(misplaced: Sequence[MisplacedPiece]) -> list[MisplacedPiece]:
@@ -210,10 +215,11 @@ def plan_pushing(
     stuck = [one for pair in blocked for one in (pair, Blocked(pair.by, pair.name)) if not free(one, scene)]
     there = {piece.name for piece in scene.standing} | {piece.name for piece in scene.lying}
     names = tuple(dict.fromkeys(name for one in blocked for name in (one.name, one.by) if name in there))
-    nudge = find_nudge(
-        names, scene, frozenset(piece.name for piece in kept), lambda after: any(free(one, after) for one in stuck),
-        cell.parameters.pads, table,
+    find = partial(
+        find_nudge, names, scene, frozenset(piece.name for piece in kept),
+        lambda after: any(free(one, after) for one in stuck), cell.parameters.pads, table,
     )  # fmt: skip
+    nudge = find(short=_SHORT * max(one.pushed for one in blocked)) or find()
     if nudge is None:
         raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
     return nudge, plan_nudge(planner, nudge, scene)

@@ -87,17 +87,23 @@ def discs_of(kind: Kind) -> tuple[tuple[float, float, float], ...]:
     """A piece that rests on the rim of its foot and on its head: of parts along it the middle's distance from the base,
     the largest radius, and how high it reaches [m].
     """
-    shape, profile = PIECE_SHAPES[kind], np.array(piece_profile(kind))
+    shape = PIECE_SHAPES[kind]
     fine = np.linspace(0.0, shape.height, 10 * _DISCS + 1)
-    radius = np.interp(fine, profile[:, 1], profile[:, 0])
-    if kind is Kind.KNIGHT:  # its head is no part of the profile
-        radius = np.maximum(radius, shape.stem_radius)
+    radius = radii(kind, fine)
     axis = np.interp(fine, (0.0, shape.height), (shape.foot_radius, shape.stem_radius))
     discs = []
     for part in np.array_split(np.arange(fine.size), _DISCS):
         largest, top = float(radius[part].max()), float((axis[part] + radius[part]).max())
         discs.append((float(fine[part].mean()), largest, top))
     return tuple(discs)
+
+
+def radii(kind: Kind, heights: Vector) -> Vector:
+    """Of a piece at heights above the board [m]."""
+    profile = np.array(piece_profile(kind))
+    radius: Vector = np.interp(heights, profile[:, 1], profile[:, 0])
+    # a knight's head is no part of its profile
+    return np.maximum(radius, PIECE_SHAPES[kind].stem_radius) if kind is Kind.KNIGHT else radius
 
 
 def _square(x: float, y: float, table: TableSettings) -> int:

@@ -87,13 +87,18 @@ def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
 
 def reach(pads: Pads, direction: Vector) -> float:
     """How far the closed fingers reach from the tool's centre towards a direction of the board, (2,) [m]."""
+    return float((footprint(pads) @ direction).max())
+
+
+def footprint(pads: Pads) -> Vector:
+    """Corners of the closed fingers, seen from above, from the tool's centre, (n, 2) [m]."""
     depth = pads.half_width * math.tan(pads.groove_angle)
     face = math.hypot(depth, pads.half_width)
     behind = pads.back / face * np.array([pads.half_width, depth])
-    corners = np.array([
+    quarter = np.array([
         np.array([0.0, pads.half_width]) + behind, np.array([depth, 0.0]) + behind, [depth + pads.back, _BAR],
     ])  # fmt: skip
-    return float((corners @ np.abs(direction)).max())
+    return np.concatenate([quarter * sign for sign in ([1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0])])
 
 
 def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:

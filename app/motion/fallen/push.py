@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from app.motion.arcs import Arc, Waypoints, Workcell, homewards, over, polygon
-from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip, meets_box
-from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
+from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip, meets_box, radii
+from app.motion.fallen.pivot_edge import MASS_HEIGHT, footprint, reach
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd
 from app.motion.path import Vector
@@ -42,6 +43,7 @@ _SURE: Final = 0.004
 _MARGIN: Final = 0.002
 """Other pieces stay so far from all that moves [m]."""
 _SAMPLES: Final = 9
+_PARALLEL: Final = 1e-9
 _DISTURBS: Final = 0.020
 """So much further [m] may one be pushed that is out of place anyway, rather than one that is not."""
 _OBLIQUE: Final = 0.008
@@ -70,17 +72,19 @@ class Nudge:
 
 def find_nudge(
     names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
-    table: TableSettings, towards: float | None = None,
+    table: TableSettings, towards: float | None = None, short: float = 0.0,
 ) -> Nudge | None:  # fmt: skip
     """The least push of one of the named pieces that helps, if there is one.
 
     The scene has all pieces on the table; ``kept`` are the names of those that stand where they should, and ``helps``
     says whether the arm can go on in a scene. Pushes are about ``towards`` a direction [rad]; None: wherever to.
+    ``short``: by so much less than it is pushed does it go [m].
     """
     best, least = None, math.inf
     bodies = _bodies(scene)
     for name in names:
         others = crowd_of(scene, table, without=name)
+        heights = _TIPS[: 1 if any(piece.name == name for piece in scene.lying) else None]
         for number in range(_DIRECTIONS):
             direction = 2.0 * math.pi * number / _DIRECTIONS
             if towards is not None and math.cos(direction - towards) < _ABOUT:
@@ -90,11 +94,12 @@ def find_nudge(
             for way in _ways(bodies, name, direction, table):
                 if way + dearer >= least:
                     break
-                push = _push(scene, bodies[name], name, direction, way, pads)
-                nudge = next((one for one in _at_heights(push, scene) if _is_free(one, others, pads)), None)
+                pushes = (nudge_of(scene, name, direction, way, tips, pads) for tips in heights)
+                nudge = next((one for one in pushes if _is_free(one, others, pads)), None)
                 if nudge is None:
                     break
-                if all(helps(_pushed(scene, nudge, way + more)) for more in (-0.5 * _SURE, 0.5 * _SURE)):
+                goes = [way - short + more for more in (-0.5 * _SURE, 0.5 * _SURE)]
+                if goes[0] > 0.0 and all(helps(_pushed(scene, nudge, far)) for far in goes):
                     best, least = nudge, way + dearer
                     break
     return best
@@ -163,25 +168,45 @@ def _apart(one: Vector, other: Vector) -> float:
     return float((away - one[:, None, 2] - other[None, :, 2]).min())
 
 
-def _at_heights(push: Nudge, scene: LoosePieces) -> Iterator[Nudge]:
-    """The same push, the lowest first; what lies is pushed at the lowest height alone."""
-    lies = any(piece.name == push.name for piece in scene.lying)
-    return (replace(push, tips=tips) for tips in _TIPS[: 1 if lies else None])
-
-
-def _push(scene: LoosePieces, body: Vector, name: str, direction: float, way: float, pads: Pads) -> Nudge:
-    """The fingers' way behind a piece, so that they push through its centre of mass, at the lowest height."""
-    unit = _unit(direction)
-    aside = np.array([-unit[1], unit[0]])
-    centre = np.array(_centre(scene, name))
-    wide = reach(pads, aside)
-    off = body[:, :2] - centre
-    beyond = np.maximum(0.0, np.abs(off @ aside) - wide)
-    met = beyond < body[:, 2]
-    behind = float((np.sqrt(body[met, 2] ** 2 - beyond[met] ** 2) - off[met] @ unit).max())
-    touching = centre - (behind + reach(pads, unit)) * unit
+def nudge_of(scene: LoosePieces, name: str, direction: float, way: float, tips: float, pads: Pads) -> Nudge:
+    """A push of a piece of a scene through its centre of mass: the fingers come down behind it, meet it, and go on by
+    ``way`` [m], their tips so high [m].
+    """
+    unit, centre = _unit(direction), np.array(_centre(scene, name))
+    touching = centre + _until_met(pads, _outline(scene, name, tips, pads) - centre, unit) * unit
     begin, end = (touching - _GAP * unit).tolist(), (touching + way * unit).tolist()
-    return Nudge(name, direction, way, _TIPS[0], (begin[0], begin[1]), (end[0], end[1]))
+    return Nudge(name, direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
+
+
+def _until_met(pads: Pads, outline: Vector, unit: Vector) -> float:
+    """Where on the line through the origin along ``unit`` the closed fingers, which come from behind, meet what has
+    this outline, (n, 2) [m]: they enter a point of it as they come past the last of their sides that face there.
+    """
+    sides = ConvexHull(footprint(pads)).equations
+    facing = sides[:, :2] @ unit
+    beyond = outline @ sides[:, :2].T + sides[:, 2]
+    ahead, behind = facing > _PARALLEL, facing < -_PARALLEL
+    enters = (beyond[:, ahead] / facing[ahead]).max(axis=1)
+    leaves = (beyond[:, behind] / facing[behind]).min(axis=1)
+    met = (enters < leaves) & (beyond[:, ~(ahead | behind)] < 0.0).all(axis=1)
+    return float(enters[met].min())
+
+
+def _outline(scene: LoosePieces, name: str, tips: float, pads: Pads) -> Vector:
+    """What closed fingers meet of a piece whose tips are so high, seen from above, board frame (n, 2) [m]."""
+    lying = next((piece for piece in scene.lying if piece.name == name), None)
+    if lying is not None:
+        along = np.linspace(0.0, PIECE_SHAPES[lying.kind].height, 4 * _SAMPLES)
+        half = np.linspace(-1.0, 1.0, 2 * _SAMPLES)
+        aside = np.array([-lying.outwards[1], lying.outwards[0]])
+        grid = [np.array(lying.along(way)) + radius * half[:, None] * aside
+                for way, radius in zip(along, radii(lying.kind, along), strict=True)]  # fmt: skip
+        return np.concatenate(grid)
+    piece = next(piece for piece in scene.standing if piece.name == name)
+    heights = np.linspace(tips, tips + 2.0 * pads.half_height, _SAMPLES)
+    angles = np.linspace(0.0, 2.0 * math.pi, 8 * _SAMPLES, endpoint=False)
+    radius = float(radii(piece.kind, heights).max())
+    return np.array([piece.x, piece.y]) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def _centre(scene: LoosePieces, name: str) -> tuple[float, float]:

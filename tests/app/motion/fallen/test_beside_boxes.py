@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from itertools import product
 
 import chess
 import numpy as np
@@ -40,12 +41,12 @@ def as_it_lies(bed: Bed, name: str) -> MisplacedPiece:
 
 
 def turned(bed: Bed, one: MisplacedPiece) -> Plan:
-    """A push at its head, rather along the box."""
+    """A push at its head, its middle or its foot, rather along the box, as the arm does it."""
     yaw, alone = one.pose.yaw or 0.0, Inventory.of([one.piece], TABLE)
-    head = Lying(one.piece.kind, (one.pose.x, one.pose.y), yaw).along(PIECE_SHAPES[one.piece.kind].height)
-    for towards in turning(yaw):
+    lying, height = Lying(one.piece.kind, (one.pose.x, one.pose.y), yaw), PIECE_SHAPES[one.piece.kind].height
+    for towards, part in product((*turning(yaw), None), (1.0, 0.5, 0.0)):
         with suppress(PlanRefused):
-            return plan_stirring(bed.planner(), head, {one.piece.name}, [], alone, towards)
+            return plan_stirring(bed.planner(), lying.along(part * height), {one.piece.name}, [], alone, towards)
     raise AssertionError("it cannot be turned")
 
 
