@@ -214,7 +214,7 @@ class Carrier:
         from app.execution.recovery_plans import plan_stirring
 
         fallen = {piece.name for piece in stands if piece.place in heap.fallen}
-        plan = plan_stirring(self._planner(stands), spot, fallen, heap.misplaced, stands, heap.towards)
+        plan = plan_stirring(self._planner(stands), spot, fallen, heap.misplaced, stands, heap.towards, heap.itself)
         self._step = None
         self.permission.await_clear(seen)
         return PlannedPush("heap", plan)

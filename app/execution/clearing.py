@@ -135,7 +135,7 @@ class Clearing:
         """
         others = tuple(each for each in misplaced if each is not one)
         spots = tuple(reversed(_along(one)))
-        heap = Leaning(spots, frozenset({one.target}), others, Ask("", ()))
+        heap = Leaning(spots, frozenset({one.target}), others, Ask("", ()), itself=one)
         heaps = [*(replace(heap, towards=direction) for direction in turning(one.pose.yaw or 0.0)), heap]
         return any(self._stir(spot, each, stands) for each in heaps for spot in spots)
 

@@ -42,6 +42,7 @@ class Leaning:
         misplaced: pieces that were found elsewhere.
         otherwise: what is to be done where nothing can be done about it.
         towards: where it is to be pushed to [rad]; None: that does not matter.
+        itself: what lies there, if that was found.
     """
 
     spots: tuple[Point, ...]
@@ -49,6 +50,7 @@ class Leaning:
     misplaced: tuple[MisplacedPiece, ...]
     otherwise: Ask
     towards: float | None = None
+    itself: MisplacedPiece | None = None
 
 
 def unaided(

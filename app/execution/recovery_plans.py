@@ -227,28 +227,41 @@ def plan_pushing(
 
 def plan_stirring(
     planner: Planner, spot: Point, fallen: Set[str], misplaced: Sequence[MisplacedPiece], inventory: Inventory,
-    towards: float | None = None,
+    towards: float | None = None, itself: MisplacedPiece | None = None,
 ) -> Plan:  # fmt: skip
     """Push whatever leans at a spot of the board, so that it falls flat; ``fallen`` are names of pieces that may be it.
 
-    It is pushed about ``towards`` a direction [rad]; None: wherever that is possible.
+    It is pushed about ``towards`` a direction [rad]; None: wherever that is possible. ``itself``: what lies there, if
+    that is known; then the spot is where it is pushed, off its centre of mass, so that it turns.
 
     Raises:
         PlanRefused: the fingers do not get at it.
     """
     table, gone = inventory.table, fallen | {one.piece.name for one in misplaced}
     loose = loose_pieces([one for one in misplaced if math.dist((one.pose.x, one.pose.y), spot) > _HEAP])
-    heap = Obstacle(_HEAP_NAME, square_place(0), *spot, _HEAP_KIND)
     standing = [one for one in _kept(inventory, gone, table) if math.dist((one.x, one.y), spot) > _HEAP]
+    heap = Obstacle(_HEAP_NAME, square_place(0), *spot, _HEAP_KIND)
     scene = LoosePieces((heap, *standing, *loose.standing), loose.lying)
+    if itself is not None:
+        scene = LoosePieces((*standing, *loose.standing), (replace(_lying(itself), name=_HEAP_NAME), *loose.lying))
+    begin = _middle(scene)
 
     def helps(after: LoosePieces) -> bool:
-        return any(math.dist((one.x, one.y), spot) > _STIRRED for one in after.standing if one.name == _HEAP_NAME)
+        return math.dist(_middle(after), begin) > _STIRRED
 
-    nudge = find_nudge((_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table, towards)
+    nudge = find_nudge(
+        (_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table, towards,
+        at=None if itself is None else spot,
+    )  # fmt: skip
     if nudge is None:
         raise PlanRefused("the fingers cannot reach what leans there: lay it flat")
     return plan_nudge(planner, nudge, scene)
+
+
+def _middle(scene: LoosePieces) -> Point:
+    """Of what is to be stirred, or its foot's."""
+    spots = [(one.x, one.y) for one in scene.standing if one.name == _HEAP_NAME]
+    return (spots + [one.base for one in scene.lying if one.name == _HEAP_NAME])[0]
 
 
 def _kept(pieces: Iterable[PieceSpec], gone: Set[str], table: TableSettings) -> tuple[Obstacle, ...]:

@@ -73,12 +73,14 @@ class Nudge:
 def find_nudge(
     names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
     table: TableSettings, towards: float | None = None, short: float = 0.0,
+    at: tuple[float, float] | None = None,
 ) -> Nudge | None:  # fmt: skip
     """The least push of one of the named pieces that helps, if there is one.
 
     The scene has all pieces on the table; ``kept`` are the names of those that stand where they should, and ``helps``
     says whether the arm can go on in a scene. Pushes are about ``towards`` a direction [rad]; None: wherever to.
-    ``short``: by so much less than it is pushed does it go [m].
+    ``short``: by so much less than it is pushed does it go [m]; ``at``: a point through which it is pushed, board frame
+    [m]; None: its centre of mass.
     """
     best, least = None, math.inf
     bodies = _bodies(scene)
@@ -94,7 +96,7 @@ def find_nudge(
             for way in _ways(bodies, name, direction, table):
                 if way + dearer >= least:
                     break
-                pushes = (nudge_of(scene, name, direction, way, tips, pads) for tips in heights)
+                pushes = (nudge_of(scene, name, direction, way, tips, pads, at) for tips in heights)
                 nudge = next((one for one in pushes if _is_free(one, others, pads)), None)
                 if nudge is None:
                     break
@@ -168,11 +170,14 @@ def _apart(one: Vector, other: Vector) -> float:
     return float((away - one[:, None, 2] - other[None, :, 2]).min())
 
 
-def nudge_of(scene: LoosePieces, name: str, direction: float, way: float, tips: float, pads: Pads) -> Nudge:
-    """A push of a piece of a scene through its centre of mass: the fingers come down behind it, meet it, and go on by
-    ``way`` [m], their tips so high [m].
+def nudge_of(
+    scene: LoosePieces, name: str, direction: float, way: float, tips: float, pads: Pads,
+    at: tuple[float, float] | None = None,
+) -> Nudge:  # fmt: skip
+    """A push of a piece of a scene through its centre of mass, or another point, as `find_nudge`: the fingers come down
+    behind it, meet it, and go on by ``way`` [m], their tips so high [m].
     """
-    unit, centre = _unit(direction), np.array(_centre(scene, name))
+    unit, centre = _unit(direction), np.array(_centre(scene, name) if at is None else at)
     touching = centre + _until_met(pads, _outline(scene, name, tips, pads) - centre, unit) * unit
     begin, end = (touching - _GAP * unit).tolist(), (touching + way * unit).tolist()
     return Nudge(name, direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))

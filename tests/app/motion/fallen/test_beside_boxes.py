@@ -46,7 +46,8 @@ def turned(bed: Bed, one: MisplacedPiece) -> Plan:
     lying, height = Lying(one.piece.kind, (one.pose.x, one.pose.y), yaw), PIECE_SHAPES[one.piece.kind].height
     for towards, part in product((*turning(yaw), None), (1.0, 0.5, 0.0)):
         with suppress(PlanRefused):
-            return plan_stirring(bed.planner(), lying.along(part * height), {one.piece.name}, [], alone, towards)
+            spot = lying.along(part * height)
+            return plan_stirring(bed.planner(), spot, {one.piece.name}, [], alone, towards, one)
     raise AssertionError("it cannot be turned")
 
 
