@@ -115,21 +115,32 @@ class PoseSearch:
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
 
-    def best(self, missing: Sequence[tuple[Place, PieceSpec]]) -> MisplacedPiece | None:
-        """The missing piece that explains the most, or None if none explains anything."""
+    def best(
+        self, missing: Sequence[tuple[Place, PieceSpec]], before: Mapping[Place, tuple[float, float]]
+    ) -> MisplacedPiece | None:
+        """The missing piece that explains the most, and is likely to be there, or None if none explains anything.
+
+        Larger pieces explain more: what looks most like a rook in a pawn's place is likelier that pawn.
+        """
         alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
         for key, (_, piece) in alike.items():
             if key not in self._ways:
                 self._ways[key] = self._of_piece(piece)
-        trials = {key: self._ways[key] for key in alike}
-        ranked = sorted((t for t in trials.items() if t[1]), key=lambda t: -t[1][0].score)
+        likely = {
+            (key, way.pose): way.score + max(
+                self._likely(place, way.pose, before) for place, piece in missing if (piece.kind, piece.colour) == key
+            )
+            for key in alike for way in self._ways[key]
+        }  # fmt: skip
+        trials = [(key, self._ways[key]) for key in alike if self._ways[key]]
+        ranked = sorted(trials, key=lambda t: -likely[t[0], t[1][0].pose])
         for key, ways in ranked:
             best = ways[0]
             if not _is_there(best):
                 continue
-            others = [way.score for other, more in ranked for way in more[: 1 if other != key else 2]
+            others = [likely[other, way.pose] for other, more in ranked for way in more[: 1 if other != key else 2]
                       if way is not best]  # fmt: skip
-            lead = max(0.0, 1.0 - max([0.0, *others]) / best.score)
+            lead = max(0.0, 1.0 - max([0.0, *others]) / likely[key, best.pose])
             place, piece = alike[key]
             best, std = self._spread(piece, best)
             return MisplacedPiece(piece, place, best.pose, std, best.support, best.seen, lead)
@@ -169,8 +180,9 @@ class PoseSearch:
                 continue
             as_is = self._near(one.piece, one.pose), self._near(other.piece, other.pose)
             swapped = self._near(one.piece, other.pose), self._near(other.piece, one.pose)
-            gain = swapped[0].score + swapped[1].score - as_is[0].score - as_is[1].score
-            gain += sum(self._likely(stray, other.pose, before) - self._likely(stray, stray.pose, before)
+            pair = one.piece, other.piece
+            gain = self._together(pair, swapped) - self._together(pair, as_is)
+            gain += sum(self._likely(stray.target, other.pose, before) - self._likely(stray.target, stray.pose, before)
                         for stray, other in ((one, other), (other, one)))  # fmt: skip
             lead = abs(gain) / max(1.0, *(trial.score for trial in (*as_is, *swapped)))
             ways = swapped if gain > 0.0 else as_is
@@ -186,9 +198,9 @@ class PoseSearch:
         """From where a piece was before, or should stand, to where another was found [m]."""
         return math.dist(before.get(piece.target, self._view.table.xy(piece.target)), (at.pose.x, at.pose.y))
 
-    def _likely(self, stray: MisplacedPiece, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
-        """Evidence for a pose by where the piece was before, or where it should stand."""
-        was = before.get(stray.target, self._view.table.xy(stray.target))
+    def _likely(self, target: Place, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
+        """Evidence for a pose by where the piece of a place was before, or where it should stand."""
+        was = before.get(target, self._view.table.xy(target))
         away = math.dist(was, (pose.x, pose.y))
         at_home = _AT_HOME if pose.yaw is None and away <= _NEAR_HOME else 0.0
         return at_home + _STAYED * max(0.0, 1.0 - away / _STRAYED)
@@ -272,11 +284,26 @@ class PoseSearch:
 
     def _try(self, piece: PieceSpec, pose: Pose, blur: float = 1.0) -> PoseTrial:
         """How well a pose explains the picture; ``blur``: points may be so many times further off the surface."""
-        rows, columns, mask, felt = drawn(piece.kind, pose, self._view, self._shape, self._origin)
+        rows, columns, mask, evidence = self._evidence(piece, pose, blur)
         count = int(np.count_nonzero(mask))
         if not count:
             return PoseTrial(-math.inf, pose, -1.0, 0.0)
-        evidence = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
+        total = float(evidence[mask].sum())
+        seen = int(np.count_nonzero(self._open[rows, columns] & mask))
+        return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
+
+    def _together(self, pieces: tuple[PieceSpec, PieceSpec], ways: tuple[PoseTrial, PoseTrial]) -> float:
+        """What two explain: each pixel that both would cover is of the one that explains it better."""
+        best = np.full(self._shape, np.nan, dtype=np.float32)
+        for piece, way in zip(pieces, ways, strict=True):
+            rows, columns, mask, evidence = self._evidence(piece, way.pose)
+            best[rows, columns] = np.fmax(best[rows, columns], np.where(mask, evidence, np.nan))
+        return float(np.nansum(best))
+
+    def _evidence(self, piece: PieceSpec, pose: Pose, blur: float = 1.0) -> tuple[slice, slice, Mask, Field]:
+        """What speaks for a pose, and against it, at each pixel of its silhouette, in rows and columns around that."""
+        rows, columns, mask, felt = drawn(piece.kind, pose, self._view, self._shape, self._origin)
+        evidence: Field = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
         if self._rises is not None:
             shape, rises = PIECE_SHAPES[piece.kind], self._rises[rows, columns]
             seen_at = mask & self._solid[rows, columns]
@@ -284,9 +311,7 @@ class PoseSearch:
             evidence[seen_at] -= _BY_DEPTH * np.minimum((off / (blur * _OFF)) ** 2, _FAR)
             if pose.yaw is not None:  # nothing of what lies is as high as this
                 evidence[seen_at & (rises > 2.0 * shape.foot_radius + _RISEN)] = -_MOST
-        total = float(evidence[mask].sum())
-        seen = int(np.count_nonzero(self._open[rows, columns] & mask))
-        return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
+        return rows, columns, mask, evidence
 
     def _spread(self, piece: PieceSpec, best: PoseTrial) -> tuple[PoseTrial, float]:
         """The mean pose around the best one, weighted by how well each explains the picture; its place's spread [m]."""

@@ -98,7 +98,7 @@ def find_misplaced(
         search.take_out(one)
     found = list[MisplacedPiece]()
     while left:
-        stray = search.best(left)
+        stray = search.best(left, before)
         if stray is None:
             break
         found.append(stray)

@@ -205,6 +205,29 @@ def test_two_pieces_of_one_side_are_told_apart(studio: TableStudio) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("bearing", "seed"), [(64.0, 2), (64.0, 5), (50.0, 0), (50.0, 1), (50.0, 3)])
+def test_a_pawn_that_was_pushed_by_what_leans_on_it_is_not_taken_for_that(
+    studio: TableStudio, bearing: float, seed: int
+) -> None:
+    """Together they look more like a rook that stands there than like a pawn, but the pawn is nearly at home."""
+    specs, rng = start_layout(chess.Board(), TABLE), np.random.default_rng(seed)
+    poses = dict[str, Put]()
+    for spec in specs:
+        x, y = (np.array(TABLE.xy(spec.place)) + rng.uniform(-0.001, 0.001, 2)).tolist()
+        poses[spec.name] = Put(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
+    poses["white-pawn-h"] = Put("white-pawn-h", 0.1406, -0.0935)
+    yaw, tip = math.radians(bearing) + 0.5 * math.pi, math.radians(85.0)
+    poses["white-rook-h"] = Put("white-rook-h", 0.1406, -0.1282, 0.0093, yaw, tip)
+    frame = studio.frame(poses.values(), SceneState(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
+    expected = {spec.place: spec for spec in specs}
+    found = find_misplaced(frame, view, expected, doubted=(Place.parse("h1"),), trays=True)
+    standing = {stray.piece.name: stray for stray in found if not stray.lies}
+    assert "white-rook-h" not in standing
+    assert near(standing["white-pawn-h"], Pose(0.1406, -0.0935))
+
+
+@pytest.mark.slow
 def test_crowded_falls_lie_as_they_are_said_to(studio: TableStudio) -> None:
     """Between the pieces of an opening, mostly hidden: which end is the foot, and where."""
     rng = np.random.default_rng(4)
