@@ -6,9 +6,9 @@ import chess
 
 from app.game.person import PersonAttendant, end_of
 from app.game.timing import Timing
-from app.players.commands import Word, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
+from app.players.typed_commands import Word, word_of
 from app.terminal.game_display import UserInterface
 
 _LEAVES = (Word.QUIT, Word.NEW)

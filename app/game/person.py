@@ -17,7 +17,9 @@ from app import UserError
 from app.execution.state import KEPT, LEFT, Told
 from app.game.clock import side_name
 from app.pieces.inventory import Inventory, Ply
-from app.players.commands import (
+from app.players.ending import GameEnd
+from app.players.person import Hands, Human, Lines, PersonGone
+from app.players.typed_commands import (
     CommandError,
     HandVerb,
     MoveHand,
@@ -29,8 +31,6 @@ from app.players.commands import (
     said_of_square,
     word_of,
 )
-from app.players.ending import GameEnd
-from app.players.person import Hands, Human, Lines, PersonGone
 from app.records import RecordError
 from app.rig.arm import Arm, ArmPaused
 from app.terminal.game_display import UserInterface

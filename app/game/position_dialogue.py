@@ -16,8 +16,8 @@ import chess
 from app.game.person import ask, hand_command
 from app.pieces.inventory import Inventory
 from app.pieces.layout import PIECE_TYPES
-from app.players.commands import NOTHING, CommandError, Word, said_of_square
 from app.players.person import Human
+from app.players.typed_commands import NOTHING, CommandError, Word, said_of_square
 from app.terminal.game_display import UserInterface
 from hardware.interfaces import HandRefused
 from hardware.piece_set import Colour, Look

@@ -9,8 +9,8 @@ import chess
 
 from app.game.clock import side_name
 from app.game.person import ask
-from app.players.commands import Command, CommandError, parse_command
 from app.players.person import Human
+from app.players.typed_commands import Command, CommandError, parse_command
 from app.terminal.game_display import UserInterface
 
 _PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}

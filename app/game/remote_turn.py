@@ -18,7 +18,6 @@ from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.person import ENDS_TURNS
 from app.game.timing import Timing
-from app.players.commands import MEANINGS_ELSEWHERE, Word, help_text, word_of
 from app.players.ending import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
@@ -34,6 +33,7 @@ from app.players.remote import (
     RemoteOpponent,
     TakenBack,
 )
+from app.players.typed_commands import MEANINGS_ELSEWHERE, Word, help_text, word_of
 from app.terminal.game_display import UserInterface
 from app.terminal.shown import RemoteShown
 from hardware.interfaces import HardwareError

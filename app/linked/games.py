@@ -21,11 +21,11 @@ from app.play.match import PERSON, match_of
 from app.play.player_selection import MOVE_TIME, line_players, start_clock
 from app.play.remote_launch import resume_remote_games, run_remote_games
 from app.play.session import SessionResult
-from app.players.commands import Word, word_of
 from app.players.given_line import given_line
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
 from app.players.remote import Notice, Offer, OfferAnswered, Offered, RemoteOpponent
+from app.players.typed_commands import Word, word_of
 from app.records import new_folder, utc_now
 from app.records.files import GAMES, make_folder
 from app.rig.simulation.ahead import RigAhead

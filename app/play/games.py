@@ -15,10 +15,10 @@ from app.pieces.layout import start_layout
 from app.play.game_setup import RigSetup, start_board
 from app.play.match import Fixture
 from app.play.player_selection import engine_players, line_players, start_clock
-from app.players.commands import NewGame, Word
 from app.players.given_line import given_line
 from app.players.person import Human, PersonGone
 from app.players.players import Players
+from app.players.typed_commands import NewGame, Word
 from app.practice.odds import at_odds
 from app.practice.puzzles import Puzzle, PuzzleAdviser, puzzles_from
 from app.records.recorded_games import RecordedGame, recorded_games

@@ -31,11 +31,11 @@ from app.pieces.inventory import Inventory
 from app.pieces.position import set_up
 from app.play.session import Round
 from app.play.table_setup import TableSetup
-from app.players.commands import Word
 from app.players.ending import Result
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
+from app.players.typed_commands import Word
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE

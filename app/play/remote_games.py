@@ -16,10 +16,10 @@ from app.execution.state import Devices
 from app.game import GameEnd
 from app.play.match import Fixture, Match
 from app.play.session import Round
-from app.players.commands import Word
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent
+from app.players.typed_commands import Word
 from app.terminal.game_display import Together, UserInterface
 from app.terminal.shown import RemoteShown, SessionShown
 from hardware.piece_set import Colour

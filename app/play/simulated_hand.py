@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.pieces.inventory import Inventory, Ply
 from app.play.hand_moves import hand_transfers
-from app.players.commands import HandVerb, MoveHand
+from app.players.typed_commands import HandVerb, MoveHand
 from hardware.interfaces import HandRefused
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Hover, Knock, Move, Rest, Withdraw

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from app.players.commands import NewGame
+from app.players.typed_commands import NewGame
 
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 

@@ -11,7 +11,7 @@ import chess
 from app import UserError
 from app.pieces.inventory import Inventory, Ply
 from app.players.advice import Adviser
-from app.players.commands import MoveHand, NewGame
+from app.players.typed_commands import MoveHand, NewGame
 
 
 class PersonGone(UserError):

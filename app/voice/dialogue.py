@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from app.players.commands import Word
+from app.players.typed_commands import Word
 from app.voice.phrases import NO, YES
 from app.voice.spoken_moves import ENGLISH
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import chess
 
-from app.players.commands import Word
+from app.players.typed_commands import Word
 from app.voice.spoken_moves import ENGLISH
 
 ADDRESS: Final = "computer"

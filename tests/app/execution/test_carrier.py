@@ -23,7 +23,7 @@ from app.motion.obstacles import closed_position
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.players.commands import Word
+from app.players.typed_commands import Word
 from app.records import GameRecord, GameSetup
 from app.records.events import TroubleEvent
 from app.records.files import NotWritten

@@ -22,7 +22,7 @@ from app.game.person import GameLeft, NeedsHand
 from app.motion import MotionSettings
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.manipulation import transfers
-from app.players.commands import Word
+from app.players.typed_commands import Word
 from app.records import EVENTS_FILE, GameRecord, read_history
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig

@@ -11,8 +11,8 @@ import pytest
 from app.game.person import DONE, GameLeft, PersonAsker, SettledHands, ask
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.players.commands import HandVerb, MoveHand, Word
 from app.players.person import Human, PersonGone
+from app.players.typed_commands import HandVerb, MoveHand, Word
 from hardware.interfaces import HandRefused
 from hardware.piece_set import Colour, Kind
 from hardware.table import Place, TableSettings

@@ -10,8 +10,8 @@ import pytest
 from app.game.person import GameLeft
 from app.game.position_dialogue import PositionDialogue, position_problem
 from app.pieces.layout import colour_of, kind_of
-from app.players.commands import said_of_square
 from app.players.person import Human, PersonGone
+from app.players.typed_commands import said_of_square
 from hardware.piece_set import Colour, Kind, Look
 from hardware.table import Place, TableSettings, square_place
 from tests.app.game.test_person import Hands, Script, UserInterface

@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 from app.play.remote_launch import resume_remote_games, run_remote_games
-from app.players.commands import Word, help_text
 from app.players.remote import Offer, OfferAnswered, Offered, RemoteEvent
+from app.players.typed_commands import Word, help_text
 from app.terminal.game_display import Conversation, Together, UserInterface
 from app.terminal.shown import RemoteShown
 from hardware.piece_set import Colour

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.page.web.static_files import StaticFiles
-from app.players.commands import NewGame, help_text, parse_command
+from app.players.typed_commands import NewGame, help_text, parse_command
 from app.terminal.shown import RemoteShown
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage

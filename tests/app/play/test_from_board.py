@@ -21,7 +21,7 @@ from app.play.game_setup import RigSetup, rig_setup_of
 from app.play.games import GameSeries
 from app.play.launch import _from_board, _match, completed, decided, human_of
 from app.play.match import Match
-from app.players.commands import NewGame
+from app.players.typed_commands import NewGame
 from app.records.events import StartEvent
 from app.rig.board import BoardRig
 from app.settings.files import keep_settings, kept_settings, settings_of

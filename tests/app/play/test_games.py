@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from app.play.games import wished
 from app.play.launch import resume_games, run_games
-from app.players.commands import CommandError, NewGame, parse_command, parse_new
+from app.players.typed_commands import CommandError, NewGame, parse_command, parse_new
 from app.records.files import LineLog, RecordError
 from app.settings.defaults import PlayerKind
 from app.settings.files import kept_settings, settings_of

@@ -16,8 +16,8 @@ from app.motion.plan import Motion, Plan
 from app.pieces.inventory import Stage
 from app.play.launch import resume_games, run_games
 from app.play.session import SessionResult
-from app.players.commands import NewGame, Word
 from app.players.person import PersonGone
+from app.players.typed_commands import NewGame, Word
 from app.records import EVENTS_FILE, PlyEvent, StepEvent, read_events, read_history
 from app.records.events import TroubleEvent
 from app.rig.arm import ArmStopped, Outcome

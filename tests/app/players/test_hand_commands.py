@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from app.pieces.inventory import Inventory
 from app.play.simulated_hand import SimHands
-from app.players.commands import CommandError, HandVerb, MoveHand, parse_hand
+from app.players.typed_commands import CommandError, HandVerb, MoveHand, parse_hand
 from hardware.interfaces import HandRefused
 from hardware.table import Place, TableSettings
 

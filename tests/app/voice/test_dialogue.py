@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.players.commands import Word
+from app.players.typed_commands import Word
 from app.voice.dialogue import AT_ONCE, Reply, reply
 
 MOVES = ("e4", "Nbd7", "O-O-O", "exd8=Q")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pocketsphinx import Decoder
 
-from app.players.commands import PlayMove, Word, parse_command
+from app.players.typed_commands import PlayMove, Word, parse_command
 from app.voice.phrases import ADDRESS, NO, REQUESTS, YES, grammar_of, lines_of, sayable
 
 
