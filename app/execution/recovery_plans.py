@@ -219,7 +219,8 @@ def plan_pushing(
         find_nudge, names, scene, frozenset(piece.name for piece in kept),
         lambda after: any(free(one, after) for one in stuck), cell.parameters.pads, table,
     )  # fmt: skip
-    nudge = find(short=_SHORT * max(one.pushed for one in blocked)) or find()
+    shorts = dict.fromkeys((_SHORT * max(one.pushed for one in blocked), 0.0))
+    nudge = next(filter(None, (find(short=short) for short in shorts)), None)
     if nudge is None:
         raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
     return nudge, plan_nudge(planner, nudge, scene)

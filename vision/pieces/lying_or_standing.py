@@ -293,7 +293,11 @@ class PoseSearch:
         return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
 
     def _together(self, pieces: tuple[PieceSpec, PieceSpec], ways: tuple[PoseTrial, PoseTrial]) -> float:
-        """What two explain: each pixel that both would cover is of the one that explains it better."""
+        """What two explain: each pixel that both would cover is of the one that explains it better; -inf where one is
+        out of the picture.
+        """
+        if min(way.score for way in ways) == -math.inf:
+            return -math.inf
         best = np.full(self._shape, np.nan, dtype=np.float32)
         for piece, way in zip(pieces, ways, strict=True):
             rows, columns, mask, evidence = self._evidence(piece, way.pose)
