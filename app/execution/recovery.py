@@ -15,7 +15,6 @@ from typing import Final
 import chess
 import numpy as np
 
-from app import UserError
 from app.execution.carrier import Carrier
 from app.execution.clearing import Clearing, with_freed
 from app.execution.fallen import (
@@ -34,6 +33,7 @@ from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import in_order
 from app.execution.repair import Ask, BoardObservation, Repair, Whereabouts, mend, repair_by_sight
+from app.execution.repair.attempts import Attempts
 from app.execution.repair.by_sight import boxed
 from app.execution.repair.diagnosis import SEEN_WITHIN, missing_ask, repair_towards
 from app.execution.repair.lost_pieces import LostPieces
@@ -50,9 +50,6 @@ from vision.pieces.lying_or_standing import MisplacedPiece
 from vision.pieces.placement_faults import Fault, FaultKind
 from vision.reading.outcome import LOOKS
 
-MOST_ROUNDS: Final = 40
-"""Of the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
-not right then, it will not get right."""
 _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
 """Off its centre may be what lies along the view: a closer look tells."""
 FRUITLESS: Final = 3
@@ -94,7 +91,7 @@ class Recovery:
         self._clearing = Clearing(observer, carrier, record, ui, clock)
         self._loose: tuple[MisplacedPiece, ...] = ()
         """What the arm has to keep clear of in what it does next."""
-        self._lost = LostPieces()
+        self._lost, self._attempts = LostPieces(), Attempts()
 
     @property
     def stale(self) -> bool:
@@ -128,7 +125,7 @@ class Recovery:
         Raises:
             UserError: a person is needed, and nobody is there; or it cannot be put right.
         """
-        self._asked = 0
+        self._asked, self._attempts = 0, Attempts()
         self._stood_up.clear()
         self._straightened.clear()
         self._clearing.begin()
@@ -142,18 +139,20 @@ class Recovery:
     def _mend(
         self, stands: Inventory, wanted: Inventory, board: chess.Board | None, reply: AwaitedReply | None
     ) -> RecoveryResult:
-        rounds, duration = 0, 0.0
+        attempts, duration = self._attempts, 0.0
         while True:
             for _ in range(LOOKS):  # one may miss what the arm can put right
                 faults, step = self._decide(stands, wanted, board)
                 if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
-                    return RecoveryResult(stands, rounds, duration, answered=True)
+                    return RecoveryResult(stands, attempts.rounds, duration, answered=True)
                 if not isinstance(step, Ask | Leaning):
                     break
             if step is None:
                 self._lost.all_right(stands)
-                return RecoveryResult(stands, rounds, duration)
+                return RecoveryResult(stands, attempts.rounds, duration)
             self._mending(True)
+            vain = attempts.in_vain(faults, stands.table)
+            step = vain if vain is not None and isinstance(step, Repair) else step
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
@@ -161,11 +160,13 @@ class Recovery:
                 self._loose = step.misplaced
                 cleared = self._clearing.parted(step, stands)
                 step = None if cleared is True else cleared or step.otherwise
-            rounds, counted = _next_round(rounds, faults), True
+            attempts.one_more(faults)
+            counted = True
             while isinstance(step, Repair):
                 if step.transfers:
-                    rounds, counted = (rounds if counted else _next_round(rounds, faults)), False
-                    before = stands
+                    if not counted:
+                        attempts.one_more(faults)
+                    before, counted = stands, False
                     known = with_missing(step.believed, before, wanted, {one.target for one in step.transfers})
                     stands, took, step = self._carry(step, faults, known)
                     stands, duration = with_missing(stands, before, wanted), duration + took
@@ -352,6 +353,7 @@ class Recovery:
                 raise
             return step.believed, 0.0, self._around(refused, step, faults)  # the fingers do not get at it
         self._lost.forget(transfer.name for transfer in step.transfers)
+        self._attempts.set_down(step.transfers)
         # what a person would be asked for may be in sight now
         rest = None if isinstance(step.rest, Ask) else step.rest
         return step.believed.after_all(step.transfers), carried.done.duration, rest
@@ -385,12 +387,3 @@ class Recovery:
     def _note(self, faults: Iterable[Fault], by: RepairedBy, now: float) -> None:
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, by, now)
-
-
-def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
-    if rounds >= MOST_ROUNDS:
-        raise UserError(
-            f"the board is still not right after {MOST_ROUNDS} attempts ({sentence_of(faults)}): put it right by hand, "
-            "then continue with 'touchmove resume'"
-        )
-    return rounds + 1
