@@ -9,10 +9,10 @@ camera can tell: nothing relies on it.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from app.motion.arcs import Arc, Waypoints, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip, meets_box, radii
@@ -187,7 +187,7 @@ def _until_met(pads: Pads, outline: Vector, unit: Vector) -> float:
     """Where on the line through the origin along ``unit`` the closed fingers, which come from behind, meet what has
     this outline, (n, 2) [m]: they enter a point of it as they come past the last of their sides that face there.
     """
-    sides = ConvexHull(footprint(pads)).equations
+    sides = _sides(pads)
     facing = sides[:, :2] @ unit
     beyond = outline @ sides[:, :2].T + sides[:, 2]
     ahead, behind = facing > _PARALLEL, facing < -_PARALLEL
@@ -195,6 +195,14 @@ def _until_met(pads: Pads, outline: Vector, unit: Vector) -> float:
     leaves = (beyond[:, behind] / facing[behind]).min(axis=1)
     met = (enters < leaves) & (beyond[:, ~(ahead | behind)] < 0.0).all(axis=1)
     return float(enters[met].min())
+
+
+@lru_cache(maxsize=4)
+def _sides(pads: Pads) -> Vector:
+    """Of the closed fingers, seen from above: outwards, and how far from the tool's centre, negative, (n, 3) [m]."""
+    from scipy.spatial import ConvexHull  # a part of SciPy that takes its time, for what is seldom wanted
+
+    return np.asarray(ConvexHull(footprint(pads)).equations)
 
 
 def _outline(scene: LoosePieces, name: str, tips: float, pads: Pads) -> Vector:
