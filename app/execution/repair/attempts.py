@@ -1,4 +1,4 @@
-"""How often the arm has tried to put the board right, and when more of the same does not help. Pure."""
+"""How often the arm has tried to put the board right, and when more of the same does not help."""
 
 from __future__ import annotations
 
