@@ -15,9 +15,9 @@ from app.campaign.named_files import engines_of, files_of
 from app.campaign.running import require_games
 from app.campaign.schema import GAMES_FOLDER, MEASURED, GameRow, TaskResult
 from app.campaign.troubles import BrokenOff, EnvironmentDiffers, GameDied, MachineTrouble
-from app.campaign.workers.local import LocalWorkers
+from app.campaign.workers.local_processes import LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
-from app.campaign.workers.worker import play_again
+from app.campaign.workers.play_task import play_again
 from app.records.files import AGAIN, GAME, TRAJECTORY_FILE
 from app.rig.simulation.film import FilmWish, default_output, draw_film
 from hardware.frozen import Frozen

@@ -29,9 +29,9 @@ from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
 from app.campaign.troubles import MachineTrouble
 from app.campaign.workers.cluster import open_cluster
-from app.campaign.workers.local import MOST_TASKS, LocalWorkers
+from app.campaign.workers.local_processes import MOST_TASKS, LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
-from app.campaign.workers.worker import play_task
+from app.campaign.workers.play_task import play_task
 from app.records.files import recording
 from hardware.frozen import Frozen
 

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
-from controller.records.loop_statistics import say_at_once
+from controller.records.stderr import say_at_once
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.realtime import RealTime, quiet_memory, real_time

@@ -29,7 +29,8 @@ from controller.protocol.causes import Cause
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.messages import Welcome
 from controller.protocol.states import State
-from controller.records.loop_statistics import LoopClock, write_statistics
+from controller.records.late_ticks import LoopClock
+from controller.records.loop_statistics import write_statistics
 from controller.settings import ControllerSettings
 from controller.wire.address import ControllerFile
 from controller.wire.endpoint import Endpoint
@@ -92,7 +93,7 @@ def serve(
             return _complain(f"the controller ends because the drives are lost: {error}", 1)
         finally:
             server.close()
-            write_statistics(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
+            write_statistics(run_directory, server.clock.summary(), {"granted": granted.granted, **granted._asdict()})
     if server.supervisor.brakes.exhausted:
         return _complain(f"the controller ends with the arm on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
     return 0

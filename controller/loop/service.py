@@ -9,7 +9,7 @@ from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.protocol.datagram_fields import COMMAND, HEARTBEAT, RELEASE, CommandCode, DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry
-from controller.records.loop_statistics import LoopClock
+from controller.records.late_ticks import LoopClock
 from controller.settings import ControllerSettings
 from controller.wire.endpoint import Endpoint
 

@@ -17,7 +17,7 @@ from app.campaign.ledger import WHOLE, results_in
 from app.campaign.running import CampaignWish, run_campaign
 from app.campaign.schema import GameRow
 from app.campaign.spec import CampaignSpec
-from app.campaign.workers.local import LocalWorkers
+from app.campaign.workers.local_processes import LocalWorkers
 from app.campaign.workers.stub import PLIES, StubPlan, play_stub
 from app.measure.bench.report import BenchReport, Progress, row
 

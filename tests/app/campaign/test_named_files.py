@@ -17,7 +17,7 @@ from app.campaign.scheduling import CampaignStopped
 from app.campaign.spec import CampaignSpec, ChoiceRange
 from app.campaign.tasks.rows import crashed
 from app.campaign.troubles import EnvironmentDiffers
-from app.campaign.workers import worker
+from app.campaign.workers import play_task as worker
 from app.campaign.workers.order import TaskOrder
 from app.settings.toml import ConfigError
 

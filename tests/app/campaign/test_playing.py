@@ -33,7 +33,7 @@ from app.campaign.tasks.rows import TaskStory, crashed, result_of
 from app.campaign.tasks.scratch import PREFIX, clear_left_behind, running_in, scratch_folder
 from app.campaign.tasks.scripted_person import ScriptedPerson, standing_now
 from app.campaign.troubles import MachineTrouble
-from app.campaign.workers import worker
+from app.campaign.workers import play_task as worker
 from app.campaign.workers.order import Kept, TaskOrder
 from app.cli.commands import app as command_line
 from app.pieces.layout import start_layout

@@ -32,7 +32,7 @@ from app.campaign.spec import CampaignSpec
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
 from app.campaign.troubles import BrokenOff, EnvironmentDiffers, MachineTrouble
-from app.campaign.workers.local import LocalWorkers, WorkerDied
+from app.campaign.workers.local_processes import LocalWorkers, WorkerDied
 from app.campaign.workers.order import TaskOrder
 from app.campaign.workers.stub import StubPlan, play_stub
 from app.cli.commands import app as command_line
@@ -321,7 +321,7 @@ def test_no_room_for_the_ledger_is_said_and_nothing_half_is_left(
 
 def test_workers_end_when_whoever_started_them_is_killed(tmp_path: Path) -> None:
     code = (
-        "import sys, time\nfrom app.campaign.workers.local import LocalWorkers\n"
+        "import sys, time\nfrom app.campaign.workers.local_processes import LocalWorkers\n"
         "if __name__ == '__main__':\n"
         " w = LocalWorkers(1); w.submit(abs, 1).result(); w.submit(time.sleep, 600)\n"
         " print(*w.pids, flush=True); time.sleep(600)\n"

@@ -12,7 +12,7 @@ from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
 from controller.protocol.datagram_fields import HEARTBEAT, SAMPLES, DatagramKind
-from controller.records.loop_statistics import LoopClock
+from controller.records.late_ticks import LoopClock
 from controller.settings import ControllerSettings
 from controller.wire.endpoint import Endpoint, Handler
 from hardware.parameters import load_parameters

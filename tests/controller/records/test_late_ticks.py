@@ -13,15 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import controller.records.loop_statistics as clock_module
-from controller.records.loop_statistics import (
-    STATISTICS_FILE,
-    Histogram,
-    LoopClock,
-    LoopStatistics,
-    say_at_once,
-    write_statistics,
-)
+from controller.records import stderr
+from controller.records.late_ticks import LoopClock
+from controller.records.loop_statistics import STATISTICS_FILE, Histogram, LoopStatistics, write_statistics
+from controller.records.stderr import say_at_once
 from tests.waiting import until
 
 PERIOD = 0.001
@@ -191,7 +186,7 @@ def test_it_warns_at_most_every_ten_seconds() -> None:
 
 def test_nothing_is_said_to_whom_that_would_keep_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     read, write = os.pipe()
-    monkeypatch.setattr(clock_module, "_STDERR", write)
+    monkeypatch.setattr(stderr, "_STDERR", write)
     try:
         assert say_at_once("heard")
         assert os.read(read, 100) == b"heard\n"
@@ -214,14 +209,14 @@ def test_nothing_is_said_to_whom_that_would_keep_waiting(monkeypatch: pytest.Mon
 def test_the_run_is_left_in_a_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     clock = LoopClock(PERIOD, lockstep=False)
     run(clock, range(100))
-    write_statistics(tmp_path, clock, {"granted": False})
+    write_statistics(tmp_path, clock.summary(), {"granted": False})
     found = json.loads((tmp_path / STATISTICS_FILE).read_text())
     assert list(tmp_path.iterdir()) == [tmp_path / STATISTICS_FILE]
     assert found["realtime"] == {"granted": False}
     assert (found["period"], found["lockstep"], found["ticks"], found["skipped"]) == (PERIOD, False, 100, 0)
     for name in ("period_error", "lateness", "law", "work"):
         assert set(found[name]) == {"n", "mean", "p50", "p99", "max"}, name
-    write_statistics(tmp_path / "missing", clock, {})
+    write_statistics(tmp_path / "missing", clock.summary(), {})
     assert "controller_pulse.json cannot be written (No such file or directory): the loop's" in capfd.readouterr().err
 
 
