@@ -12,7 +12,7 @@ from app.analysis.files import AnalysisFiles, files_in, write_analyses
 from app.analysis.game_analysis import AnalysedGame, analysis_of
 from app.analysis.model import Analyses, GameAnalysis
 from app.analysis.sources import game_of_record, games_of_pgn
-from app.players.ending import plies_in_words
+from app.players.game_end import plies_in_words
 from app.records.files import check_folder
 from app.records.rounds import match_folder, rounds_of
 from engine.stockfish import Engine

@@ -23,7 +23,7 @@ from app.analysis.model import AnalysedLine, AnalysedMove, GameAnalysis, Opening
 from app.analysis.openings import opening_of_game
 from app.analysis.reasons import LONGEST, reason
 from app.pieces.layout import colour_of
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.events import score_text
 from engine.answers import Candidate
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from app.analysis.judgement import Judgement
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.events import Record
 from hardware.piece_set import Colour
 

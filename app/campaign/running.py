@@ -28,7 +28,7 @@ from app.campaign.tables import GrowingTables
 from app.campaign.task import CampaignTask
 from app.campaign.tasks.rows import crashed
 from app.campaign.troubles import MachineTrouble
-from app.campaign.workers.cluster import open_cluster
+from app.campaign.workers.cluster import TELL_EVERY, open_cluster
 from app.campaign.workers.local_processes import MOST_TASKS, LocalWorkers
 from app.campaign.workers.order import Kept, TaskOrder
 from app.campaign.workers.play_task import play_task
@@ -37,8 +37,6 @@ from hardware.frozen import Frozen
 
 WINDOW: Final = 2
 """So many tasks for each core are handed out: one is played, one waits."""
-TELL_EVERY: Final = 30.0
-"""So often it is said that no worker answers yet [s, wall]; one that does takes a few seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +221,7 @@ def _workers(wish: CampaignWish, shown: CampaignShown) -> Iterator[_Workers]:
 
             def ask(engines: tuple[str, ...], files: tuple[str, ...]) -> CampaignEnvironment:
                 def tell() -> None:
-                    shown.waiting(_why_none(wish, cluster.cores()))
+                    shown.waiting(cluster.why_none())
 
                 asked = cluster.executor.submit(environment_here, engines, files)
                 if not cluster.cores():
@@ -263,14 +261,6 @@ def _require_this_program(there: CampaignEnvironment) -> None:
     theirs = {name: getattr(there, name) for name in ("engine", "files", "threads")}
     if found := environment_here((), ()).model_copy(update=theirs).differences(there):
         raise unlike("; ".join(found))
-
-
-def _why_none(wish: CampaignWish, cores: int) -> str:
-    """What to say while no worker of a cluster answers."""
-    start = f"start some with 'dask worker {wish.scheduler}' where this program is installed"
-    if cores:
-        return f"no worker answers yet: it is busy, or its environment lacks this program: wait, or {start}"
-    return f"no worker is there yet, or its environment lacks this program: {start}"
 
 
 def _answered(

@@ -66,7 +66,7 @@ def show_game(
     from rich.text import Text
 
     from app import UserError
-    from app.players.ending import plies_in_words
+    from app.players.game_end import plies_in_words
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)

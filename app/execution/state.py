@@ -11,7 +11,7 @@ import chess.engine
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.records import History, PlyOutcome
 from app.records.history import Unfinished
 from app.rig.arm import Arm, Outcome

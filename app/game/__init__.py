@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from app.execution.state import EXPECTED_FAILURES, WRONG, Devices, Position
 from app.game.game import Game
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 
 __all__ = ["EXPECTED_FAILURES", "WRONG", "Devices", "Game", "GameEnd", "Position"]

@@ -7,7 +7,7 @@ from app.execution.table import Table
 from app.game.person import ask
 from app.game.timing import Timing
 from app.players.advice import TakingBack
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Human
 from app.terminal.game_display import UserInterface
 

@@ -6,7 +6,7 @@ import chess
 
 from app.game.person import PersonAttendant, end_of
 from app.game.timing import Timing
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.typed_commands import Word, word_of
 from app.terminal.game_display import UserInterface

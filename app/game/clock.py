@@ -18,7 +18,7 @@ import chess
 import chess.engine
 from pydantic import FiniteFloat, NonNegativeFloat
 
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.settings.time_control import ArmTime, Extra, TimeControl
 from hardware.frozen import FrozenFinite
 

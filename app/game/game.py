@@ -16,7 +16,7 @@ from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft, end_of
 from app.game.remote_turn import RemoteTurn
 from app.game.timing import Timing
-from app.players.ending import GameEnd, Result, plies_in_words
+from app.players.game_end import GameEnd, Result, plies_in_words
 from app.players.person import Human, Lines
 from app.players.players import Decision, Players
 from app.players.remote import RemoteOpponent

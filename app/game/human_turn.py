@@ -25,7 +25,7 @@ from app.game.remote_turn import ANY_TIME, RemoteTurn
 from app.game.set_down import badly_set, shows_after
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Human
 from app.players.players import Players
 from app.players.typed_commands import Command, MoveHand, NewGame, PlayMove, Word, help_text, parse_command

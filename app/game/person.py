@@ -17,7 +17,7 @@ from app import UserError
 from app.execution.state import KEPT, LEFT, Told
 from app.game.clock import side_name
 from app.pieces.inventory import Inventory, Ply
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Hands, Human, Lines, PersonGone
 from app.players.typed_commands import (
     CommandError,

@@ -18,7 +18,7 @@ from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.person import ENDS_TURNS
 from app.game.timing import Timing
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.players import Players
 from app.players.remote import (

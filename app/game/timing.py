@@ -15,7 +15,7 @@ import chess
 import chess.engine
 
 from app.game.clock import ChessClock, ClockMove
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.records import PlyEvent
 from app.settings.time_control import ArmTime
 from app.terminal.shown import ClockShown

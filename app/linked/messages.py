@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from app.linked.errors import LinkBroken
-from app.players.ending import Result
+from app.players.game_end import Result
 from hardware.frozen import FrozenFinite
 
 VERSION: Final = 1

@@ -21,7 +21,7 @@ from app.linked.errors import LinkError
 from app.linked.log import LinkedState
 from app.linked.messages import BeginEntry, EndEntry, Entry, MoveEntry, TakeBackEntry
 from app.linked.peer import OFFERS, LinkedPeer
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.remote import (
     ABORTABLE,
     GameOver,

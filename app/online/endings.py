@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from app.online.messages import GameState
-from app.players.ending import GameEnd, Result
+from app.players.game_end import GameEnd, Result
 from hardware.piece_set import Colour
 
 _LOST: Final = {

@@ -23,7 +23,7 @@ from app.online.messages import (
 from app.online.opponent import LichessOpponent
 from app.online.seeks_and_events import EventFeed, Seek
 from app.online.terms import BLITZ, TablePace, Terms, of_challenge
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.person import Lines, PersonGone
 from app.players.typed_commands import Word, word_of
 from app.settings.defaults import OnlineSection, OnlineUse

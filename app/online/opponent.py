@@ -23,7 +23,7 @@ from app.online.messages import (
     game_line,
 )
 from app.online.saying import Saying
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.remote import (
     GameOver,
     Notice,

@@ -25,7 +25,7 @@ from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
 from app.play.vision_setup import believed_camera, believed_view, looks, session_vision
 from app.players.advice import Adviser, Advisers
-from app.players.ending import plies_in_words
+from app.players.game_end import plies_in_words
 from app.players.person import Human, Lines
 from app.practice.coach import Coach
 from app.practice.repertoire import RepertoireAdviser, load_repertoire

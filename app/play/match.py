@@ -31,7 +31,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.position import set_up
 from app.play.session import Round
 from app.play.table_setup import TableSetup
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.players.person import Human
 from app.players.players import Players
 from app.players.remote import RemoteOpponent

@@ -12,7 +12,7 @@ from typing import Final, Protocol
 
 import chess
 
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 
 ABORTABLE: Final = 2
 """A game may be aborted while it has fewer plies: until both sides have moved."""

@@ -13,7 +13,7 @@ import chess
 from app import UserError
 from app.execution.state import LEFT
 from app.players.advice import Advice, TakingBack
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.records.recorded_games import recorded_games
 
 MOST: Final = 100_000

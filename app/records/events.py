@@ -18,7 +18,7 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from app.pieces.inventory import Inventory, MoveKind, Ply, Stage, Transfer
 from app.pieces.layout import colour_of
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.files import RecordError, is_object
 from hardware.frozen import Frozen
 from hardware.piece_set import Colour, Kind

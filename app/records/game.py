@@ -13,7 +13,7 @@ import chess.engine
 from pydantic import JsonValue
 
 from app.pieces.inventory import Inventory, Ply, Stage, Transfer
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.events import (
     AnyEvent,
     EndEvent,

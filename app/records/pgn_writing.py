@@ -11,7 +11,7 @@ import chess
 import chess.engine
 import chess.pgn
 
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.files import write_atomically
 
 EVENT = "Touchmove"

@@ -14,7 +14,7 @@ import chess
 import chess.pgn
 
 from app import UserError
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.game import PGN_FILE
 
 RESULTS: Final[tuple[Result, ...]] = ("1-0", "0-1", "1/2-1/2", "*")

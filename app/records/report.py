@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from app.pieces.inventory import MoveKind
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.events import (
     AnyEvent,
     EndEvent,

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from app.pieces.inventory import MoveKind
-from app.players.ending import plies_in_words
+from app.players.game_end import plies_in_words
 from app.records import PlyEvent
 from app.records.events import own_clock
 from app.report.figures_of_plies import KINDS, DataTable, ply_name, seconds

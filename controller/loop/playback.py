@@ -23,19 +23,13 @@ import numpy as np
 
 from controller.model.compiled import ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as, direct
 from controller.protection.limits import Limits
+from controller.protection.warm_servomotors import warm_pace
 from controller.protocol.messages import AdmitSpeed, Announce
 
 CHANGE: Final = 25.0
 """So quickly the admitted speed falls and rises [m/s²]: along an axis it takes up to 8 N m, which the drives have."""
 LONGEST: Final = 0.25
 """Nobody admits a speed for longer than this [s]."""
-WARM: Final = 0.92
-"""Servomotors whose mean square of torque is a larger share of what they are rated for are spared."""
-SLOWEST: Final = 0.3
-"""The least σ of warm servomotors: nine tenths less acceleration, and what is left is little more than holding."""
-_CALM: Final = 1.0
-"""So quickly that σ falls and rises [1/s]: the tool's deceleration for it, up to 2 m/s², is not to add to what braking
-takes already."""
 _AT, _RATE, _SLOPE, _TICK, _SPEED, _PLAYED = range(6)
 """Where in the motion the reference is [samples], σ, dσ/dt [1/s], tick of these, admitted and played speed [m/s]."""
 _ADMITTED, _UNTIL, _BORDERS = 6, 7, 8
@@ -91,16 +85,6 @@ def _change_speed(memory: FloatArray, tick: float, time: float, point: FloatArra
     return 0
 
 
-@compiled_as(SCALAR(ROW, SCALAR, SCALAR))
-def _change_pace(memory: FloatArray, time: float, heat: float) -> float:
-    """σ that servomotors of a heat admit, see `advance`, so much time later [s]."""
-    goal, pace = min(1.0, max(SLOWEST, (1.0 - heat) / (1.0 - WARM))), memory[_PACE]
-    change = _CALM * time
-    memory[_PACE] = goal if pace < 0.0 else min(max(goal, pace - change), pace + change)
-    changed: float = memory[_PACE]
-    return changed
-
-
 @compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, ROW, TABLE, SCALAR))
 def advance(
     memory: FloatArray, first: float, length: float, tick: float, point: FloatArray, samples: FloatArray, heat: float
@@ -122,7 +106,7 @@ def advance(
     elapsed, last = tick - memory[_TICK], length - 1.0
     memory[_TICK] = tick
     before, time = memory[_RATE], elapsed * memory[_PERIOD]
-    pace = _change_pace(memory, time, heat)
+    pace = memory[_PACE] = warm_pace(memory[_PACE], time, heat)
     if memory[_AT] < 0.0:
         memory[_AT], memory[_RATE] = min(tick - first, last), pace
     elif memory[_ALWAYS] != 0.0:

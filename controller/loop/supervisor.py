@@ -15,7 +15,6 @@ from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, Admission
 from controller.loop.brakes import BrakeSequence
 from controller.loop.memory import ExchangedTorques, TickMemory
-from controller.loop.playback import WARM
 from controller.loop.reference import Reference
 from controller.loop.state_machine import NO_TORQUE, StateMachine
 from controller.loop.tick import PlainTick
@@ -28,6 +27,7 @@ from controller.protection.limits import (
     check_tracking,
 )
 from controller.protection.monitor import Protection
+from controller.protection.warm_servomotors import WARM
 from controller.protocol.causes import Cause
 from controller.protocol.datagram_fields import CommandCode, Result
 from controller.protocol.messages import Announce, Samples

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from controller.law.force_observer import OBSERVER_SIZE, observe
 from controller.law.tare import TARE_SIZE, weigh
 from controller.law.task_space import TaskSpaceController, estimate, task_space_law
-from controller.loop.admission import meets, note_peaks
+from controller.loop.admission import note_peaks
 from controller.loop.memory import (
     ACTING,
     CLAMP,
@@ -68,6 +68,7 @@ from controller.model.kinematics import OK
 from controller.model.state import CONSTANTS, INVERSE, POSITION, REFERENCE_SIZE, ROWS, VELOCITY
 from controller.model.state import TORQUE as LAW_TORQUE
 from controller.protection.encoders import ENCODERS_SIZE, watch_encoders
+from controller.protection.grip_and_touch import meets
 from controller.protection.limits import DRIVE_TROUBLE, clamp
 from controller.protection.reference_check import COLUMNS
 from controller.protection.screening import SCREEN_SIZE, arm_well, heat, joints_well

@@ -14,6 +14,8 @@ from app import UserError
 
 CONNECT: Final = 10.0
 """For a scheduler to answer [s, wall]."""
+TELL_EVERY: Final = 30.0
+"""So often it is said that no worker answers yet [s, wall]; one that does takes a few seconds."""
 _ADDRESS: Final = re.compile(r"(?:(?P<protocol>tcp|tls|ws|wss)://)?[^\s/]+:(?P<port>\d{1,5})/?")
 _SECURE: Final = ("tls", "wss")
 _CERTIFICATES: Final = ("distributed.comm.tls.ca-file", "distributed.comm.tls.client.cert")
@@ -28,16 +30,25 @@ class Cluster:
     """An open connection to a scheduler.
 
     Attributes:
+        address: of the scheduler.
         executor: its workers.
         cores: how many games they can play at a time, now.
         dashboard: address of Dask's own; None: there is none.
         deaths: what is raised for a task whose workers died again and again.
     """
 
+    address: str
     executor: Executor
     cores: Callable[[], int]
     dashboard: str | None
     deaths: tuple[type[BaseException], ...]
+
+    def why_none(self) -> str:
+        """What to say while no worker answers."""
+        start = f"start some with 'dask worker {self.address}' where this program is installed"
+        if self.cores():
+            return f"no worker answers yet: it is busy, or its environment lacks this program: wait, or {start}"
+        return f"no worker is there yet, or its environment lacks this program: {start}"
 
 
 @contextmanager
@@ -67,7 +78,7 @@ def open_cluster(address: str) -> Iterator[Cluster]:
     executor = client.get_executor(pure=False)
     try:
         yield Cluster(
-            executor, lambda: sum(client.nthreads().values()) if client.status == "running" else 0,
+            address, executor, lambda: sum(client.nthreads().values()) if client.status == "running" else 0,
             str(client.dashboard_link) or None, (KilledWorker,),
         )  # fmt: skip
     finally:

@@ -32,7 +32,6 @@ from app.commissioning.bring_up.axis_judgement import (
 from app.commissioning.bring_up.brake_openings import (
     OPENING_TIME,
     ROOM,
-    SLIP,
     TOTAL_WAY,
     BrakeOpening,
     BringUpStopped,
@@ -138,7 +137,7 @@ def _try_brakes(watched: WatchedBus) -> list[Finding]:
     found: list[Finding] = []
     for axis in range(3):
         turned = max(watched.pull(axis, torque) for torque in (load, -load))
-        found.append(judge_brake(axis, turned, load, SLIP))
+        found.append(judge_brake(axis, turned, load))
         if not _good(found):
             break
     return found

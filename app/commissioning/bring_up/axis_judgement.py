@@ -20,6 +20,8 @@ from controller.model.constants import DeltaModel
 
 STANDS: Final = 1e-4
 """An axis that has turned by less while the brakes were open stands [rad], unless its encoder is coarser."""
+SLIP: Final = 5e-4
+"""Of a closed brake [rad]: a hundred times what its spring gives in simulation."""
 SCALE: Final = (0.7, 1.4)
 """Encoders: share of the expected fall. Masses of 20 % and a zero 5° off change it by up to 15 %, a wrong ratio or a
 bit of the encoder by a factor of two."""
@@ -65,12 +67,12 @@ class Expected:
         return cls(inertia, gravity, np.linalg.solve(inertia, -gravity - friction))
 
 
-def judge_brake(axis: int, pulled: float, torque: float, slip: float) -> Finding:
+def judge_brake(axis: int, pulled: float, torque: float) -> Finding:
     """Of one axis, 0 to 2: how far its closed brake let it turn [rad] under a torque [N m]."""
     judge = Judge(f"axis {axis + 1}")
     judge.judge(
-        "brake holds", f"turned by {1e3 * pulled:.2f} mrad under {torque:.1f} N m, {1e3 * slip:.1f} mrad allowed",
-        pulled <= slip,
+        "brake holds", f"turned by {1e3 * pulled:.2f} mrad under {torque:.1f} N m, {1e3 * SLIP:.1f} mrad allowed",
+        pulled <= SLIP,
         "a closed brake does not hold: secure the arm, then check the brakes and their supply before anything else",
     )  # fmt: skip
     return judge.findings[0]

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from app.commissioning.bring_up.axis_judgement import SLIP
 from controller.model.compiled import FloatArray
 from hardware.drives.faults import status_words
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement, ServoBus, Triple
@@ -25,8 +26,6 @@ TOTAL_WAY: Final = 0.25
 25 mrad; the rest is for brakes that are slow to bite."""
 ROOM: Final = 0.07
 """So high above the board the tool has to be before the brakes open [m]."""
-SLIP: Final = 5e-4
-"""Of a closed brake [rad]: a hundred times what its spring gives in simulation."""
 _SWITCHING: Final = 0.02  # amplifiers are on before brakes open, and brakes are closed before a torque changes [s]
 _SWITCHED: Final = 1.0  # they are on within this [s]
 _RAMP: Final = 0.1  # to the full torque on a closed brake [s]

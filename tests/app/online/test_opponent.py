@@ -16,7 +16,7 @@ from app.online.endings import end_of_game
 from app.online.messages import GameFull, GameState, MessageError, game_line
 from app.online.opponent import LichessOpponent
 from app.online.token import Token
-from app.players.ending import GameEnd
+from app.players.game_end import GameEnd
 from app.players.remote import (
     GameOver,
     Notice,

@@ -31,7 +31,7 @@ from app.page.supervisor import PageSupervisor
 from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.players.ending import Result
+from app.players.game_end import Result
 from app.records.events import By, GameSetup, PlyOutcome, Purpose
 from app.records.game import GameRecord
 from app.settings.defaults import PageSection

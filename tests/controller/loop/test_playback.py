@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from controller.law.settings import LawSettings
 from controller.law.task_space import TaskSpaceController
-from controller.loop.playback import CHANGE, LONGEST, SLOWEST, WARM, Playback
+from controller.loop.playback import CHANGE, LONGEST, Playback
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
@@ -21,6 +21,7 @@ from controller.model.kinematics import OK
 from controller.protection.limits import Violation, default_limits
 from controller.protection.monitor import MeanTorque
 from controller.protection.reference_check import rows_from_samples
+from controller.protection.warm_servomotors import SLOWEST, WARM
 from controller.protocol import Guard, MotionFlag, Result
 from controller.protocol.causes import Cause
 from controller.protocol.datagram_fields import DatagramKind

@@ -32,10 +32,10 @@ from app.motion.settings import HIGHEST_HOME
 from app.motion.timing.reference import Bounds
 from app.motion.timing.torque import EVERY
 from app.pieces.inventory import Inventory, Stage, Transfer
-from controller.loop.playback import WARM
 from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import inverse_kinematics
+from controller.protection.warm_servomotors import WARM
 from controller.protocol import Result
 from controller.protocol.cause_sentences import explain
 from hardware.contact_speeds import ContactSpeeds
