@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
-import numpy as np
 from numpy.typing import NDArray
 
 from controller.protocol.causes import Cause
@@ -17,7 +16,6 @@ from controller.protocol.datagram_fields import (
     COMMAND,
     RELEASE,
     SAMPLE,
-    SAMPLES_PER_DATAGRAM,
     STOP,
     CommandCode,
     DatagramKind,
@@ -25,19 +23,13 @@ from controller.protocol.datagram_fields import (
     MotionFlag,
     Result,
 )
-from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
+from controller.protocol.messages import AdmitSpeed, Announce, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.wire.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.wire.link import REPEAT, Link, Listener
+from controller.wire.resending import AHEAD, RESEND, MotionStream, Repeats
 from hardware.interfaces import Triple
 
-_RESEND = 0.06
-"""A sample not acknowledged is sent again after this [s]: a controller in real time takes 50 ms to look at all that is
-sent of a motion at first, and to say so."""
-_AHEAD = 20 * SAMPLES_PER_DATAGRAM
-"""Samples sent ahead of the executed one: 0.18 s. A client that dies leaves no more of its motion behind than that, and
-the controlled stop takes up to 0.1 s more; a loss can be mended by two repetitions or three, and a pause of the
-network, or of this process, for so long does not show in the motion."""
 _LEAD_LOCKSTEP = 8
 _LEAD_REAL_TIME = 30
 _COMMAND_TIMEOUT = 5.0
@@ -304,7 +296,8 @@ class ControllerClient:
         self._motion = max(self._motion, now.ended_motion, now.motion) + 1
         flags = MotionFlag.FOLLOWED if followed else MotionFlag.NONE
         announce = Announce(self._motion, now.tick + lead, len(samples), flags)
-        stream = _Stream(link.send, announce, samples, min(_AHEAD, self._welcome.capacity // 2))
+        ahead = min(AHEAD, self._welcome.capacity // 2)
+        stream = MotionStream(link.send, announce, samples, ahead, self._ticks(REPEAT), self._ticks(RESEND))
         while True:
             telemetry = link.telemetry
             if telemetry.ended_motion == announce.motion:
@@ -326,6 +319,10 @@ class ControllerClient:
             telemetry.tactile,
         )
 
+    def _ticks(self, time: float) -> int:
+        """So much of the plant's time in ticks [s]; none where plant time waits for what is sent."""
+        return 0 if self.lockstep else round(time / self.period)
+
     def _command(self, code: CommandCode, done: Callable[[Telemetry], bool]) -> None:
         """As ``_ask``."""
         self._ask(DatagramKind.COMMAND, COMMAND.struct.pack(code), done, code.name)
@@ -341,10 +338,11 @@ class ControllerClient:
         link = self._connected
         deadline = time.monotonic() + _COMMAND_TIMEOUT
         with self._asking:
-            first = link.sequence + 1
+            first, again = link.sequence + 1, Repeats(1, REPEAT, self._ticks(REPEAT))
             while (telemetry := link.telemetry).command < first:
                 _require_time(deadline, telemetry, name)
-                link.send(kind, payload)
+                if again.due(0, 1, telemetry.tick, time.monotonic()):
+                    link.send(kind, payload)
                 link.wait_for_news(telemetry)
         while not done(telemetry := link.telemetry):
             _require_time(deadline, telemetry, name)
@@ -357,37 +355,6 @@ def _require_time(deadline: float, telemetry: Telemetry, name: str) -> None:
             f"{name.lower()} had no effect within {_COMMAND_TIMEOUT:g} s in state {telemetry.state.name}: "
             f"{telemetry.explain_cause()}"
         )
-
-
-class _Stream:
-    """One motion on its way: what to send next, what again."""
-
-    def __init__(
-        self, send: Callable[[DatagramKind, bytes], None], announce: Announce, samples: NDArray[Any], ahead: int
-    ) -> None:
-        self._send = send
-        self._announce = announce
-        self._samples = samples
-        self._ahead = ahead
-        self._sent_at = np.full(-(-len(samples) // SAMPLES_PER_DATAGRAM), -np.inf)
-        self._announced_at = -np.inf
-
-    def push(self, telemetry: Telemetry, now: float) -> None:
-        """Announce until admitted; send what is due next, and again what was not acknowledged."""
-        motion = self._announce.motion
-        admitted = telemetry.motion == motion
-        if not admitted and now - self._announced_at > REPEAT:
-            self._announced_at = now
-            self._send(DatagramKind.ANNOUNCE, self._announce.pack())
-        received, executed = (telemetry.received, telemetry.executed) if admitted else (0, 0)
-        first = received // SAMPLES_PER_DATAGRAM
-        last = -(-(executed + self._ahead) // SAMPLES_PER_DATAGRAM)
-        due = np.flatnonzero(now - self._sent_at[first:last] > _RESEND) + first
-        self._sent_at[due] = now
-        for chunk in due.tolist():
-            start = chunk * SAMPLES_PER_DATAGRAM
-            rows = self._samples[start : start + SAMPLES_PER_DATAGRAM]
-            self._send(DatagramKind.SAMPLES, Samples(motion, start, rows).pack())
 
 
 def _moving(telemetry: Telemetry) -> bool:
