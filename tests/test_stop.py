@@ -105,6 +105,7 @@ def at_rest(telemetry):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_a_stop_at_the_command_line_ends_a_demo_that_nobody_watches_and_resume_goes_on(demo):
     run = demo("--no-cameras", "--moves", LINE)  # in pace fast it would be over before the command has loaded
     run.until(lambda: run.plies() >= 1, "the first ply")
