@@ -27,7 +27,7 @@ from controller.protocol.messages import AdmitSpeed, Announce, Telemetry, Welcom
 from controller.protocol.states import State
 from controller.wire.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.wire.link import REPEAT, Link, Listener
-from controller.wire.resending import AHEAD, RESEND, MotionStream, Repeats
+from controller.wire.resending import AHEAD, REPEAT_TOLD, RESEND, MotionStream, Repeats
 from hardware.interfaces import Triple
 
 _LEAD_LOCKSTEP = 8
@@ -297,7 +297,7 @@ class ControllerClient:
         flags = MotionFlag.FOLLOWED if followed else MotionFlag.NONE
         announce = Announce(self._motion, now.tick + lead, len(samples), flags)
         ahead = min(AHEAD, self._welcome.capacity // 2)
-        stream = MotionStream(link.send, announce, samples, ahead, self._ticks(REPEAT), self._ticks(RESEND))
+        stream = MotionStream(link.send, announce, samples, ahead, self._ticks(REPEAT_TOLD), self._ticks(RESEND))
         while True:
             telemetry = link.telemetry
             if telemetry.ended_motion == announce.motion:
@@ -338,7 +338,7 @@ class ControllerClient:
         link = self._connected
         deadline = time.monotonic() + _COMMAND_TIMEOUT
         with self._asking:
-            first, again = link.sequence + 1, Repeats(1, REPEAT, self._ticks(REPEAT))
+            first, again = link.sequence + 1, Repeats(1, REPEAT, self._ticks(REPEAT_TOLD))
             while (telemetry := link.telemetry).command < first:
                 _require_time(deadline, telemetry, name)
                 if again.due(0, 1, telemetry.tick, time.monotonic()):

@@ -15,6 +15,9 @@ from controller.wire.link import REPEAT
 RESEND = 0.06
 """A sample not acknowledged is sent again after this [s]: a controller in real time takes 50 ms to look at all that is
 sent of a motion at first, and to say so."""
+REPEAT_TOLD = 0.014
+"""What else is not answered is repeated after ``REPEAT`` of the wall's time and this of the plant's, as telemetry tells
+it [s]: in real time it does so every 16 ticks, in which three orders are taken."""
 AHEAD = 20 * SAMPLES_PER_DATAGRAM
 """Samples sent ahead of the executed one: 0.18 s. A client that dies leaves no more of its motion behind than that, and
 the controlled stop takes up to 0.1 s more; a loss can be mended by two repetitions or three, and a pause of the

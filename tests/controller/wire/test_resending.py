@@ -96,7 +96,7 @@ def test_a_motion_is_sent_ahead_and_what_is_missing_again() -> None:
     sent = list[tuple[DatagramKind, bytes]]()
     samples = np.zeros(3 * AHEAD, SAMPLE)
     announce = Announce(5, 100, len(samples), 0)
-    stream = MotionStream(lambda kind, payload: sent.append((kind, payload)), announce, samples, AHEAD, 23, 68)
+    stream = MotionStream(lambda kind, payload: sent.append((kind, payload)), announce, samples, AHEAD, 16, 68)
 
     def firsts(tick: int, now: float, motion: int = 5, received: int = 0, executed: int = 0) -> list[int]:
         sent.clear()
