@@ -121,8 +121,11 @@ def _require_machine(folder: Path, error: BaseException | None) -> None:
 
     Raises:
         MachineTrouble: it is one.
+        KeyboardInterrupt: it was broken off, and something made another error of that, as compiled code does.
     """
     while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            raise error
         if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in MACHINE):
             raise MachineTrouble(str(error) or "there is not enough memory") from error
         error = error.__cause__ or error.__context__

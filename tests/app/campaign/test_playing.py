@@ -212,6 +212,20 @@ def test_a_crash_is_of_the_machine_that_has_played_the_game(tmp_path: Path, monk
     assert (game.outcome, (game.host, game.cpu)) == (TaskOutcome.CRASHED, host_and_cpu())
 
 
+def test_a_game_that_is_broken_off_in_compiled_code_has_not_crashed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose dispatcher makes a SystemError of the interrupt."""
+
+    def interrupted(*_: object) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    task = draw(CampaignSpec(draw={"start.line": True}), 0)
+    monkeypatch.setattr(worker, "play_here", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        worker._played(TaskOrder(task=task, environment=environment_here((), ()), engines=()), tmp_path)
+
+
 def test_where_there_is_no_room_for_a_games_folder_it_is_played_later(
     scratch: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
