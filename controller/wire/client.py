@@ -319,9 +319,9 @@ class ControllerClient:
             telemetry.tactile,
         )
 
-    def _ticks(self, time: float) -> int:
-        """So much of the plant's time in ticks [s]; none where plant time waits for what is sent."""
-        return 0 if self.lockstep else round(time / self.period)
+    def _ticks(self, duration: float) -> int:
+        """A duration [s] in ticks of the plant; none where plant time waits for what is sent."""
+        return 0 if self.lockstep else round(duration / self.period)
 
     def _command(self, code: CommandCode, done: Callable[[Telemetry], bool]) -> None:
         """As ``_ask``."""
