@@ -5,7 +5,8 @@ obeys again. What the piece does then is up to contacts and gravity. The hold an
 seed, or named.
 """
 
-from typing import Annotated, Final, Self
+import math
+from typing import Annotated, Final, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
@@ -44,6 +45,20 @@ class GripFaults(FrozenFinite):
 NEVER: Final = GripFaults()
 
 
+class Obedience(NamedTuple):
+    """How long the motor does what it is asked to, whoever asks: see ``GripFault.obeys``.
+
+    Attributes:
+        above: the lesser of both forces on the pads is larger than this [N] …
+        up_to: … and at most this [N] …
+        before: … and the tick is an earlier one than this.
+    """
+
+    above: float
+    up_to: float
+    before: float
+
+
 class GripFault:
     """The gripper's motor as one seed makes it. A world that is continued from a snapshot counts holds anew.
 
@@ -69,6 +84,17 @@ class GripFault:
                 self.lost += 1
             return self._set.speed
         return asked
+
+    def obeys(self, tick: int) -> Obedience:
+        """While this holds from a tick on, ``velocity`` would change nothing and need not be asked."""
+        if not self.possible:
+            return Obedience(-math.inf, math.inf, math.inf)
+        lets_go = self._begin < self._end and tick < self._end
+        if self._holding:
+            return Obedience(_LOST, math.inf, self._begin if lets_go else math.inf)
+        if tick < self._end:  # let go in time, and no other hold counts before; or it lets go now
+            return Obedience(-math.inf, math.inf, tick if lets_go else self._end)
+        return Obedience(-math.inf, _HOLDS, math.inf)
 
     def _watch(self, tick: int, period: float, felt: float) -> None:
         if self._holding:

@@ -132,7 +132,7 @@ class Plant:
         boxes = [(box.x, box.y, box.half_x, box.half_y) for box in self._boxes]
         self._box_borders = np.array(boxes, dtype=float).reshape(-1, 4)
         self._fixed: tuple[Any, ...] = (self._found, self._constants, self._rest_scale, self._box_borders, self._memory)
-        self._drives, self._taken = np.zeros(5), np.zeros((LONGEST_RUN, 4))
+        self._drives, self._taken = np.zeros(8), np.zeros((LONGEST_RUN, 4))
         ends = [(data.site(f"rod_end{i}"), data.site(f"flange_joint{i}")) for i in (1, 2, 3)]
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
 
@@ -258,10 +258,7 @@ class Plant:
     @property
     def may_run(self) -> bool:
         """Whether ``run`` does the same as ticks one by one: the drives follow, and nobody wants to see each tick."""
-        return (
-            self._switches == _ENABLED and not self._latched & _TRIPS and self.watch_step is None
-            and not self._flaws.grip.possible
-        )  # fmt: skip
+        return self._switches == _ENABLED and not self._latched & _TRIPS and self.watch_step is None
 
     def run(
         self, controller: PlantCall, most: int, until_rest: bool, followed: ServoStrokes = NOTHING
@@ -280,7 +277,7 @@ class Plant:
         drive = self.parameters.drive
         self._drives[:] = (
             self.tick, self._switches | (self._latched & ~_SATURATED), bool(self._latched & _SATURATED),
-            drive.peak_torque, drive.max_speed,
+            drive.peak_torque, drive.max_speed, *self._flaws.grip.obeys(self.tick),
         )  # fmt: skip
         ticks, said = tick.run(  # type: ignore[call-arg]
             *self._step, self._qpos, self._qvel, self._sensors, self.data.ctrl, *self._fixed, self._noise,

@@ -336,10 +336,11 @@ def run(
     ``step`` to ``sensors`` and ``places`` to ``memory`` are as of ``advance``; ``controls`` are MuJoCo's, for the
     servomotors' torques and the fingers. ``noise`` is the sensors', by tick modulo its length, (n, 6); ``ripples`` are
     of ``rippled``, the first two 0 where there are none. ``drives``: tick, status without SATURATED, 1 if that was in
-    the last command's, peak torque [N m], speed at which the drives trip [rad/s], (5,); tick and third change. Of
-    ``function``, ``context``, ``measurement`` and ``command`` see ``PlantCall``; ``applied`` are the commands as they
-    were applied, (most, 4); ``followed`` is what other servos follow: the tick in which that is over is not begun.
-    ``until_rest``: end with the tick in which all has been at rest for long enough.
+    the last command's, peak torque [N m], speed at which the drives trip [rad/s], and ``Obedience`` of the gripper's
+    motor, a tick beyond which is not begun, (8,); tick and third change. Of ``function``, ``context``, ``measurement``
+    and ``command`` see ``PlantCall``; ``applied`` are the commands as they were applied, (most, 4); ``followed`` is
+    what other servos follow: the tick in which that is over is not begun. ``until_rest``: end with the tick in which
+    all has been at rest for long enough.
 
     Returns:
         How many ticks, and what the function returned last.
@@ -347,6 +348,9 @@ def run(
     ran = said = 0
     scale_, led = 1.0 / constants[0], len(followed.places) > 0
     while ran < most and not (led and over(followed, drives[0])):
+        gripped = min(memory[6], memory[7])
+        if not (drives[5] < gripped <= drives[6] and drives[0] < drives[7]):
+            break
         row = noise[int(drives[0]) % len(noise)]
         measurement[0] = drives[0]
         for i in range(3):

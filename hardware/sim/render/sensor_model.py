@@ -120,17 +120,25 @@ def depth_picture(
     scene from there as part of full scale, shape (h, w); None: no glare. ``rng`` decides all errors.
     """
     shape = depth.shape
-    ideal: Field = (sensor.scale / np.maximum(depth, 1e-3)).astype(np.float32)
-    disparity = _fatten(ideal, sensor, rng)
-    lost = occluded(disparity) | (disparity > sensor.search)
+    disparity: Field = np.maximum(depth, np.float32(1e-3))
+    np.divide(np.float32(sensor.scale), disparity, out=disparity)
+    _fatten(disparity, sensor, rng)
+    lost = occluded(disparity)
+    lost |= disparity > sensor.search
     luck = correlated(rng, shape, sensor.correlation)
     lost |= luck > sensor.dropout
     if grey is not None:
         lost |= grey > sensor.glare + 0.01 * luck
-    disparity += np.float32(sensor.subpixel) * correlated(rng, shape, sensor.correlation)
-    disparity = np.rint(disparity / sensor.step) * np.float32(sensor.step)
+    error = correlated(rng, shape, sensor.correlation)
+    error *= np.float32(sensor.subpixel)
+    disparity += error
+    disparity /= np.float32(sensor.step)
+    np.rint(disparity, out=disparity)
+    disparity *= np.float32(sensor.step)
     lost |= disparity <= 0.0
-    return whole_units(np.where(lost, 0.0, sensor.scale / np.maximum(disparity, sensor.step)), unit)
+    np.divide(np.float32(sensor.scale), np.maximum(disparity, np.float32(sensor.step), out=disparity), out=disparity)
+    disparity[lost] = 0.0
+    return whole_units(disparity, unit)
 
 
 def whole_units(depth: NDArray[np.floating], unit: float) -> NDArray[np.uint16]:
@@ -168,27 +176,32 @@ _NORMAL: Final = np.array([NormalDist().inv_cdf((k + 0.5) / 65536.0) for k in ra
 
 
 def _white(rng: np.random.Generator, shape: tuple[int, ...]) -> Field:
-    """White Gaussian noise; looked up, which takes a third of the time that computing it does."""
-    field: Field = _NORMAL[np.frombuffer(rng.bytes(2 * math.prod(shape)), dtype=np.uint16)].reshape(shape)
+    """White Gaussian noise; looked up, which takes a fifth of the time that computing it does.
+
+    The generator's own words, 64 bits at a time: asking it for bytes takes three times as long, for the same.
+    """
+    size = math.prod(shape)
+    words = np.asarray(rng.bit_generator.random_raw(-(-size // 4)), dtype="<u8")
+    field: Field = _NORMAL.take(words.view(np.uint16)[:size]).reshape(shape)
     return field
 
 
-def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) -> Field:
-    """Edges as block matching sees them: the nearer surface grows, and its outline is ragged."""
+def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) -> None:
+    """Edges as block matching sees them, in place: the nearer surface grows, and its outline is ragged."""
     side = 2 * sensor.fattening + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    fat = cv2.dilate(disparity, kernel)
+    fat = np.asarray(cv2.dilate(disparity, kernel), dtype=np.float32)
     # on a slope the largest of the neighbours would be a bias: only where the window holds an edge does it win
-    edge = fat - cv2.erode(disparity, kernel) > sensor.edge
-    merged = np.where(edge, fat, disparity)
+    edge = np.asarray(cv2.subtract(fat, cv2.erode(disparity, kernel)), dtype=np.float32) > sensor.edge
     h, w = disparity.shape
-    u = np.arange(w, dtype=np.float32) + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
-    v = np.arange(h, dtype=np.float32)[:, None]
-    v = v + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
-    shifted = cv2.remap(merged, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-    near_edge = cv2.dilate(edge.astype(np.uint8), kernel) > 0
-    result: Field = np.where(near_edge, shifted, disparity).astype(np.float32)
-    return result
+    right, down = (correlated(rng, (h, w), sensor.correlation) for _ in "uv")
+    # few pixels are near an edge: only those are asked where they come from
+    v, u = np.nonzero(cv2.dilate(edge.view(np.uint8), kernel))
+    ragged = np.float32(sensor.raggedness)
+    u_from = np.rint(u.astype(np.float32) + ragged * right[v, u]).astype(np.intp).clip(0, w - 1)
+    v_from = np.rint(v.astype(np.float32) + ragged * down[v, u]).astype(np.intp).clip(0, h - 1)
+    grown = edge[v_from, u_from]
+    disparity[v, u] = np.where(grown, fat[v_from, u_from], disparity[v_from, u_from])
 
 
 _DISPLAY_GAMMA: Final = 2.2

@@ -53,6 +53,37 @@ def test_a_seed_repeats_itself(seed: int) -> None:
     assert first == again
 
 
+forces = st.lists(st.tuples(st.sampled_from([0.0, 0.2, 0.3, 1.0, 1.1, 4.0]), st.integers(1, 90)), max_size=30)
+
+
+@given(
+    seed=st.integers(0, 10_000), felt=forces, share=st.sampled_from([0.0, 0.5, 1.0]),
+    holds=st.sets(st.integers(1, 4)), earliest=st.floats(0.001, 0.03), longer=st.floats(0.0, 0.05),
+    duration=st.floats(0.001, 0.05),
+)  # fmt: skip
+def test_while_it_obeys_it_need_not_be_asked(
+    seed: int, felt: list[tuple[float, int]], share: float, holds: set[int], earliest: float, longer: float,
+    duration: float,
+) -> None:  # fmt: skip
+    """Whoever asks in the ticks beyond alone is told the same as who asks in each."""
+    faults = GripFaults(
+        share=share, holds=tuple(sorted(holds)), earliest=earliest, latest=earliest + longer, duration=duration
+    )
+    always, seldom = GripFault(faults, seed), GripFault(faults, seed)
+    ticks = [force for force, times in felt for _ in range(times)]
+    bounds, asked = seldom.obeys(0), 0
+    for tick, force in enumerate(ticks):
+        told = always.velocity(tick, TICK, CLOSING, force, force + 0.5)
+        if bounds.above < force <= bounds.up_to and tick < bounds.before:
+            assert told == CLOSING
+            continue
+        asked += 1
+        assert seldom.velocity(tick, TICK, CLOSING, force, force + 0.5) == told
+        bounds = seldom.obeys(tick + 1)
+    assert seldom.lost == always.lost
+    assert asked <= 2 * len(felt) + (duration / TICK + 2) * (always.lost + 1), "at changes, and while it lets go"
+
+
 def test_a_share_is_lost() -> None:
     faults = GripFaults(share=0.25, earliest=0.001, latest=0.001, duration=0.002)
     fault = GripFault(faults, 5)

@@ -6,6 +6,7 @@ import threading
 from pathlib import Path
 
 import chess
+import numpy as np
 import pytest
 
 from app.pieces.layout import start_layout
@@ -22,6 +23,7 @@ from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.hand.actions import Action, HandSettings, Move, Withdraw
+from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Imperfections
 from hardware.sim.process.inner_bus import InnerServoBus
 from hardware.sim.process.randomisation import Randomisation
@@ -32,24 +34,32 @@ from tests.controller.conftest import line_samples
 
 PARAMETERS = load_parameters()
 HOME = (0.0, 0.075, 0.325)
+LOOSE = Imperfections(grip=GripFaults(share=1.0, earliest=0.01, latest=0.02, duration=0.02))
+TABLE = TableSettings()
+KING = tuple(TABLE.base_from_board(np.array([*TABLE.xy(square_place(chess.E1)), 0.04])).tolist())
+"""Where the fingers have a king between them, base frame [m]."""
 ROUGH = Imperfections(torque_ripple=0.02, cogging=0.01, friction=0.3, tactile_noise=0.02, tactile_offset=0.05)
 BOARD = chess.Board("4k3/8/8/8/8/8/4P3/4K3 w - - 0 1")
 
 
-def settings(devices: Imperfections, person: HandSettings | None = None) -> WorldSettings:
+def settings(
+    devices: Imperfections, person: HandSettings | None = None, home: tuple[float, ...] = HOME
+) -> WorldSettings:
     return WorldSettings(
-        pieces=start_layout(BOARD, TableSettings()), home=HOME, pace=Pace.FAST, cameras=False, linger=0.0,
+        pieces=start_layout(BOARD, TableSettings()), home=home, pace=Pace.FAST, cameras=False, linger=0.0,
         randomisation=Randomisation(devices=devices), hand=person,
     )  # fmt: skip
 
 
 def play(
-    folder: Path, devices: Imperfections, *, plainly: bool, moves: tuple[Action, ...] = ()
-) -> tuple[str, str, int]:
-    """Two motions, with time for all to come to rest: the world's digest, what the controller knows, and how many of
-    its ticks were run without a line of Python. Meanwhile a hand may do something.
+    folder: Path, devices: Imperfections, *, plainly: bool, moves: tuple[Action, ...] = (),
+    home: tuple[float, ...] = HOME, fingers: float = 0.01,
+) -> tuple[str, str, int, int]:  # fmt: skip
+    """Two motions, with time for all to come to rest: the world's digest, what the controller knows, how many of its
+    ticks were run without a line of Python, and how many grips were lost. Meanwhile a hand may do something, and the
+    fingers close and open at so many m/s.
     """
-    world = World(folder, settings(devices, HandSettings() if moves else None))
+    world = World(folder, settings(devices, HandSettings() if moves else None, home))
     with world.open():
         hand = world._hand._hand
         if moves:
@@ -88,7 +98,7 @@ def play(
         for motion, way in enumerate(((0.02, -0.03, 0.01), (-0.02, 0.03, -0.01)), start=1):
             start = supervisor.reference.position.copy()
             samples = line_samples(tuple(start), tuple(start + way), 300, bus.period)
-            samples["finger_velocity"] = 0.01 * (-1) ** motion
+            samples["finger_velocity"] = fingers * (-1) ** motion
             supervisor.announce(Announce(motion, supervisor.measurement.tick + 5, 301, MotionFlag.NONE))
             for at in range(0, 301, 10):
                 supervisor.take_samples(Samples(motion, at, samples[at : at + 10]))
@@ -98,18 +108,26 @@ def play(
         while hand is not None and hand.busy:
             ticks(100)
         assert hand is None or not hand.failed
-        return world.plant.digest(), supervisor._memory.block.tobytes().hex() + law.memory.tobytes().hex(), run
+        knows = supervisor._memory.block.tobytes().hex() + law.memory.tobytes().hex()
+        return world.plant.digest(), knows, run, world.plant.truth(False).grips_lost
 
 
-@pytest.mark.parametrize("devices", [Imperfections(), ROUGH], ids=["ideal", "rough"])
-def test_many_ticks_in_one_call_are_the_same_in_every_bit(tmp_path: Path, devices: Imperfections) -> None:
+@pytest.mark.parametrize(
+    ("devices", "home", "fingers"), [(Imperfections(), HOME, 0.01), (ROUGH, HOME, 0.01), (LOOSE, KING, 0.05)],
+    ids=["ideal", "rough", "loose"],
+)  # fmt: skip
+def test_many_ticks_in_one_call_are_the_same_in_every_bit(
+    tmp_path: Path, devices: Imperfections, home: tuple[float, ...], fingers: float
+) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    digest, knows, run = play(tmp_path / "a", devices, plainly=True)
-    other_digest, other_knows, none = play(tmp_path / "b", devices, plainly=False)
-    assert (digest, knows) == (other_digest, other_knows)
+    *same, run, lost = play(tmp_path / "a", devices, plainly=True, home=home, fingers=fingers)
+    *other, none, others_lost = play(tmp_path / "b", devices, plainly=False, home=home, fingers=fingers)
+    assert same == other
     assert none == 0
     assert run > 650, "nearly all"
+    assert lost == others_lost
+    assert (lost > 0) == (devices is LOOSE)
 
 
 def test_a_hand_makes_the_same_move_without_a_line_of_python_between_its_strokes(tmp_path: Path) -> None:
@@ -118,9 +136,9 @@ def test_a_hand_makes_the_same_move_without_a_line_of_python_between_its_strokes
     moves = Move(start=e2, to=e4), Withdraw()
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    digest, knows, run = play(tmp_path / "a", Imperfections(), plainly=True, moves=moves)
-    other_digest, other_knows, none = play(tmp_path / "b", Imperfections(), plainly=False, moves=moves)
-    assert (digest, knows) == (other_digest, other_knows)
+    *same, run, _ = play(tmp_path / "a", Imperfections(), plainly=True, moves=moves)
+    *other, none, _ = play(tmp_path / "b", Imperfections(), plainly=False, moves=moves)
+    assert same == other
     assert none == 0
     assert run > 3000, "nearly all"
 
