@@ -7,9 +7,8 @@ from typing import Final
 
 _NAMES: Final = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
-    "LP_NUM_THREADS",
 )  # fmt: skip
-ONE_THREAD: Final = MappingProxyType(dict.fromkeys(_NAMES, "1"))
-"""Environment variables of a worker."""
+ONE_THREAD: Final = MappingProxyType({**dict.fromkeys(_NAMES, "1"), "LP_NUM_THREADS": "0"})
+"""Environment variables of a worker; Mesa counts threads beside the one that draws."""
 SUMS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 """Those by which sums are taken in another order, and come out otherwise in their last bits."""

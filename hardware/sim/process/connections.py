@@ -78,21 +78,17 @@ class Visitors:
         self._visitors: dict[int, Visitor] = {}
         self._numbers = [self._door.fileno()]
 
-    def listen(self, timeout: float, also: Sequence[int] = ()) -> bool:
+    def listen(self, timeout: float, also: Sequence[int] = ()) -> None:
         """Handle everything that is there, or wait up to ``timeout`` for something to come [s].
 
         It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds. ``also`` are numbers of
-        other open files that end the wait; the result says whether one of them has something to read.
+        other open files that end the wait when they have something to read.
         """
-        others = False
         for number in select.select([*self._numbers, *also], (), (), timeout)[0]:
-            if number in also:
-                others = True
-            elif number == self._numbers[0]:
+            if number == self._numbers[0]:
                 self._open()
             elif number in self._visitors:
                 self._hear(self._visitors[number])
-        return others
 
     def close(self) -> None:
         """End all connections and take the door away."""

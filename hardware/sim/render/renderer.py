@@ -38,7 +38,7 @@ GO, READY = b"go", b"ready"
 """First word to the process that draws, once its model is there; and its first word."""
 LOG_FILE: Final = "renderer.log"
 MOST_THREADS = min(4, os.cpu_count() or 1)
-"""Of Mesa where a picture is waited for, beside the one that asks it to draw."""
+"""Of Mesa where a picture is waited for, beside who asks it to draw, unless ``LP_NUM_THREADS`` says how many."""
 KEEPING: Final = {"MALLOC_TRIM_THRESHOLD_": str(1 << 28), "MALLOC_MMAP_THRESHOLD_": str(1 << 28)}
 """glibc keeps a picture's memory for the next picture: to give it back and take it anew makes up a third of a depth
 picture's errors' time."""
@@ -146,8 +146,8 @@ class StartedDrawing:
     def __init__(self, run_dir: Path, *, alone: bool) -> None:
         """Start it. ``alone``: as of ``Renderer``. The run directory may come later."""
         self.link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        threads = str(MOST_THREADS if alone else 1)
-        environment = {**os.environ, **KEEPING, "MUJOCO_GL": "egl", "LP_NUM_THREADS": threads}
+        threads = {"LP_NUM_THREADS": str(MOST_THREADS if alone else 1)}
+        environment = {**threads, **os.environ, **KEEPING, "MUJOCO_GL": "egl"}
         self._run_dir, self._said = run_dir, tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
         with far:
             self.process = subprocess.Popen(
@@ -221,6 +221,11 @@ class Renderer:
     def pid(self) -> int:
         """Of the process that draws at the moment."""
         return self._drawing.process.pid
+
+    @property
+    def number(self) -> int:
+        """Of the open file that has something to read when a picture is finished."""
+        return self._link.fileno()
 
     def wait_ready(self) -> None:
         """Block until it can draw; raises ``HardwareError`` if there is no OpenGL, or it ends again and again."""

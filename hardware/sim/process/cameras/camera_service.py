@@ -187,6 +187,11 @@ class CameraService(Service):
             pass
 
     @property
+    def awaited(self) -> tuple[int, ...]:
+        """Number of the open file that has something to read when a picture is finished, if one is being drawn."""
+        return (self._renderer.number,) if self._renderer is not None and self._drawing else ()
+
+    @property
     def _drawing(self) -> bool:
         return any(view.drawing for view in self._views.values()) or any(
             flight.drawing for client in self._stream_clients.values() for flight in client.flights
