@@ -78,17 +78,21 @@ class Visitors:
         self._visitors: dict[int, Visitor] = {}
         self._numbers = [self._door.fileno()]
 
-    def listen(self, timeout: float, also: Sequence[int] = ()) -> None:
+    def listen(self, timeout: float, also: Sequence[int] = ()) -> set[int]:
         """Handle everything that is there, or wait up to ``timeout`` for something to come [s].
 
         It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds. ``also`` are numbers of
-        other open files that end the wait when they have something to read.
+        other open files that end the wait; the result says which of them have something to read.
         """
+        others = set[int]()
         for number in select.select([*self._numbers, *also], (), (), timeout)[0]:
-            if number == self._numbers[0]:
+            if number in also:
+                others.add(number)
+            elif number == self._numbers[0]:
                 self._open()
             elif number in self._visitors:
                 self._hear(self._visitors[number])
+        return others
 
     def close(self) -> None:
         """End all connections and take the door away."""

@@ -14,7 +14,7 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -346,13 +346,17 @@ class World:
             self._speed.stood()
             self._drives.excuse()
 
-    def listen(self, seconds: float) -> None:
+    def listen(self, seconds: float, also: Sequence[int] = ()) -> bool:
         """Hear visitors, or wait for some, or for a picture, for so long [s, wall]; go on with pictures that plant time
         waits for.
+
+        ``also`` are other open files that end the wait; whether one of them has something to read.
         """
-        self._visitors.listen(seconds, self._cameras.awaited if seconds else ())
+        drawn = self._cameras.awaited if seconds else ()
+        others = self._visitors.listen(seconds, (*also, *drawn))
         self._cameras.look()
         self._go_on_serving()
+        return not others.isdisjoint(also)
 
     # the end
 
