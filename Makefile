@@ -1,6 +1,6 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
 # make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once, then one by one those of
-#              what has to be punctual, and in what time they leave those that do nothing but compute; ARGS go to pytest
+#              what has to be punctual; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make ready   set up what checks and tests need, and nothing else
 # make check   format, lint, strict types
@@ -19,16 +19,13 @@ WORKERS ?= $(shell expr 2 '*' $$(nproc))
 # says of bytecode; and threads of BLAS that wait for each other on busy processors take several times the work's own time.
 COMPILED := controller.loop.server,hardware.sim.process.server,vision.loops app.motion.planner
 
-# Unless ARGS names its own. What has to be punctual: the second pass need not read all others anew. What does nothing but
-# compute, hangs on no clock and waits for no process: the punctual ones leave more than half of the processors' time.
+# Unless ARGS names its own. What has to be punctual has the machine for itself afterwards: where both processors are busy, many
+# a host takes them away for 100 ms at a time, and tests that were run again then took longer than all that ran beside them.
 PUNCTUAL = $(if $(filter tests/%,$(ARGS)),,$$(grep -rl --include='test_*.py' 'mark\.real_time' tests | sort))
-COMPUTING = $(if $(filter tests/%,$(ARGS)),,tests/vision tests/app/measure/figures tests/app/motion \
-    tests/app/campaign/report tests/app/commissioning/identification tests/app/execution/test_likeness.py \
-    tests/app/execution/test_toppled.py tests/controller/law tests/controller/model tests/controller/offline)
 
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest
 
-.PHONY: ready demo test punctual computing nightly check clean constraints coverage vendor
+.PHONY: ready demo test nightly check clean constraints coverage vendor
 
 ready:
 	@bash .ci/setup dev
@@ -41,18 +38,8 @@ test:
 	@bash .ci/setup dev
 	@for modules in $(COMPILED); do .venv/bin/python -c "import $$modules" & done; \
 	    test -e tests/__pycache__ || $(PYTEST) --collect-only -qq >/dev/null & wait
-	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) \
-	    $(addprefix --ignore=,$(COMPUTING)) || [ $$? -eq 5 ]
-	@$(MAKE) --no-print-directory --jobs 2 punctual $(if $(COMPUTING),computing)
-
-punctual:
+	@$(PYTEST) --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not real_time" $(ARGS) || [ $$? -eq 5 ]
 	@$(PYTEST) -m real_time $(ARGS) $(PUNCTUAL) || [ $$? -eq 5 ]
-
-# said in one piece, as the punctual ones tell how far they are meanwhile; nicer than these, and no more: they would starve on
-# a busy machine
-computing:
-	@said="$$(nice -n 5 env $(PYTEST) --numprocesses $$(nproc) --dist loadfile $(ARGS) $(COMPUTING) 2>&1)"; status=$$?; \
-	    printf '\n%s\n' "$$said"; [ $$status -eq 0 ] || [ $$status -eq 5 ]
 
 nightly:
 	@bash .ci/setup dev

@@ -347,13 +347,11 @@ class World:
             self._drives.excuse()
 
     def listen(self, seconds: float, also: Sequence[int] = ()) -> bool:
-        """Hear visitors, or wait for some, or for a picture, for so long [s, wall]; go on with pictures that plant time
-        waits for.
+        """Hear visitors, or wait for some, or for a picture [s, wall]; go on with pictures that plant time waits for.
 
         ``also`` are other open files that end the wait; whether one of them has something to read.
         """
-        drawn = self._cameras.awaited if seconds else ()
-        others = self._visitors.listen(seconds, (*also, *drawn))
+        others = self._visitors.listen(seconds, (*also, *(self._cameras.awaited if seconds else ())))
         self._cameras.look()
         self._go_on_serving()
         return not others.isdisjoint(also)
