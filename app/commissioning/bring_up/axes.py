@@ -57,8 +57,6 @@ SUPPORTS: Final = (0.4, 0.6, 0.8)
 """The same of all axes at once: of other sizes, so that exchanged ones show, and are looked at first."""
 LEAST_SUPPORT: Final = 0.3
 """[N m]: well above friction and cogging."""
-ZERO_TOLERANCE: Final = 0.026
-"""Of an encoder's zero [rad], 1.5°: a tool point that a person measures to 3 mm leaves 1°."""
 
 
 class Onlooker(Protocol):
@@ -222,4 +220,4 @@ def _try_zero(angle: FloatArray, model: DeltaModel, table: TableSettings, onlook
         judge = Judge("arm")
         judge.wrong("zero", f"the tool cannot be at the measured point: {error}", "measure it again")
         return judge.findings
-    return judge_zero(angle, there, ZERO_TOLERANCE)
+    return judge_zero(angle, there)

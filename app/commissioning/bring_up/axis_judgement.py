@@ -39,6 +39,8 @@ RAN_ON: Final = 0.02
 """A shaft that turns on by more [rad] and much more than the others was not held by its motor, or has a weak brake."""
 FLOATS: Final = 0.5
 """Share of the free fall that gravity compensation may leave: masses of 20 % leave 0.2, a missing torque 1."""
+ZERO_OFFSET: Final = 0.026
+"""Of an encoder's zero [rad], 1.5°: a tool point that a person measures to 3 mm leaves 1°."""
 COUPLED: Final = 0.5
 """Share of the expected coupling from which on a shaft counts as free, though its own encoder stands: one that is stuck
 shows none, but for what a bus measures wrongly."""
@@ -250,17 +252,16 @@ def judge_floating(left: FloatArray, expected: Expected) -> Finding:
     return judge.findings[0]
 
 
-def judge_zero(angle: FloatArray, measured: FloatArray, tolerance: float) -> list[Finding]:
+def judge_zero(angle: FloatArray, measured: FloatArray) -> list[Finding]:
     """Zeros of the encoders.
 
     Args:
         angle: as the encoders say, (3,) [rad].
         measured: as they would be with the tool where a person measured it, (3,) [rad].
-        tolerance: what the person's measuring leaves open [rad].
     """
     for order in SWAPS:
         off = np.abs(measured[list(order)] - angle).max()
-        if off <= tolerance and np.abs(measured - angle).max() > tolerance:
+        if off <= ZERO_OFFSET and np.abs(measured - angle).max() > ZERO_OFFSET:
             judge = Judge("arm")
             one, other = (axis + 1 for axis in range(3) if order[axis] != axis)
             judge.wrong(
@@ -274,8 +275,9 @@ def judge_zero(angle: FloatArray, measured: FloatArray, tolerance: float) -> lis
         judge = Judge(f"axis {axis + 1}")
         judge.judge(
             "zero",
-            f"{math.degrees(off):+.1f}° from where the tool was measured, {math.degrees(tolerance):.1f}° allowed",
-            abs(off) <= tolerance, f"add {off:+.4f} rad ({math.degrees(off):+.1f}°) to the offset of joint {axis + 1}",
-        )  # fmt: skip
+            f"{math.degrees(off):+.1f}° from where the tool was measured, {math.degrees(ZERO_OFFSET):.1f}° allowed",
+            abs(off) <= ZERO_OFFSET,
+            f"add {off:+.4f} rad ({math.degrees(off):+.1f}°) to the offset of joint {axis + 1}",
+        )
         found += judge.findings
     return found

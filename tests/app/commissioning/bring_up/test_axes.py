@@ -317,7 +317,7 @@ def test_the_free_shaft_of_a_dead_encoder_is_felt_by_the_others() -> None:
 
 def test_zeros_are_told_as_the_offset_to_add() -> None:
     believed = np.array([0.1, 0.2, 0.3])
-    found = judge_zero(believed, believed + np.array([0.0, 0.02, -FIVE]), 0.026)
+    found = judge_zero(believed, believed + np.array([0.0, 0.02, -FIVE]))
     assert [one.state for one in found] == [CheckState.GOOD, CheckState.GOOD, CheckState.WRONG]
     assert "add -0.0873 rad (-5.0°) to the offset of joint 3" in found[2].advice
 
