@@ -241,3 +241,19 @@ def test_what_stood_in_memory_before_has_no_say_in_how_rods_are_drawn() -> None:
         drawn.append([[np.asarray(getattr(g, name)).tolist() for name in fields] for g in scene.geoms[: scene.ngeom]])
     assert len(drawn[0]) == 6
     assert drawn[0] == drawn[1]
+
+
+def test_a_picture_is_the_same_whatever_number_of_threads_draws_it(
+    studio: Studio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a campaign's worker, which has no thread beside the one that draws."""
+    monkeypatch.setenv("LP_NUM_THREADS", "0")
+    lonely = Studio(tmp_path)
+    try:
+        lonely.renderer.wait_ready()
+        assert b"LP_NUM_THREADS=0" in Path(f"/proc/{lonely.renderer.pid}/environ").read_bytes().split(b"\0")
+        for colour in (True, False):
+            one, other = (who.shoot(CameraSettings(), colour=colour) for who in (studio, lonely))
+            assert all(np.array_equal(mine, theirs) for mine, theirs in zip(one, other, strict=True))
+    finally:
+        lonely.renderer.close()
